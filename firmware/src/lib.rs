@@ -1,0 +1,8 @@
+//! The parts of the firmware that do not depend on a board, testable on the
+//! host. The boards are the binaries.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod exchange;
+pub mod loop_task;
+pub mod tables;

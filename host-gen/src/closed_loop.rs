@@ -1,0 +1,361 @@
+//! The sampled loop: plant, delays and the law as the table has it.
+
+use nalgebra::{Complex, DMatrix, Matrix6};
+use shared::LEGS;
+use shared::table::ValidTable;
+
+use crate::design::Gains;
+use crate::linear::eigenvalues;
+use crate::multibody::to_dynamic;
+use crate::plant::{Gain, Plant, Response, SampledPlant, largest_singular_value};
+
+type Six = Matrix6<Complex<f64>>;
+
+/// The law of a table as a linear system, from sensor values to forces: what
+/// [`shared::step`] does while nothing is clamped, without rounding.
+#[derive(Clone, Copy, Debug)]
+pub struct LinearLaw {
+    proportional: Matrix6<f64>,
+    increment: Matrix6<f64>,
+    leak: f64,
+    ac_coupling: f64,
+    roll_off: f64,
+}
+
+impl LinearLaw {
+    /// The law that `table` holds, with its rounded coefficients.
+    pub fn new(table: &ValidTable) -> Self {
+        let table = table.get();
+        Self {
+            proportional: table.law.proportional.cast(),
+            increment: table.law.integral.cast(),
+            leak: table.law.leak.into(),
+            ac_coupling: table.shaping.ac_coupling.into(),
+            roll_off: table.shaping.roll_off.into(),
+        }
+    }
+
+    /// σ = C(z)·y.
+    pub fn response(&self, z: Complex<f64>) -> Six {
+        let one = Complex::ONE;
+        let high_pass = (z - one) / (z - one + self.ac_coupling);
+        let low_pass = z * self.roll_off / (z - one + self.roll_off);
+        let shaping = -(high_pass * high_pass * low_pass);
+        let integral = (z + one) / (z - one + self.leak);
+        self.proportional.map(|p| shaping * p) + self.increment.map(|i| shaping * integral * i)
+    }
+}
+
+/// σ = C(jω)·y of the unsampled law, Eqs. (21) and (22).
+pub fn ideal_response(gains: &Gains, hz: f64) -> Six {
+    let s = Complex::new(0.0, core::f64::consts::TAU * hz);
+    -(gains.proportional.map(Complex::from) + gains.integral.map(|i| i / s))
+}
+
+/// Where a loop is opened to look at its sensitivity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Opening {
+    /// At the six forces.
+    Legs,
+    /// At the six sensors.
+    Sensors,
+    /// At the forces along the modes of the design model.
+    Modes,
+}
+
+/// A peak of the sensitivity, max over frequency of σ_max((1 + L)⁻¹).
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PeakSensitivity {
+    /// Ms.
+    pub value: f64,
+    /// Hz.
+    pub at: f64,
+    /// The opening with the highest peak.
+    pub opening: Opening,
+}
+
+/// The sampled plant on a grid of frequencies, for trying many laws.
+#[derive(Clone, Debug)]
+pub struct LoopGrid {
+    points: Vec<(f64, Complex<f64>, Six)>,
+    /// Sᵀ and S⁻ᵀ.
+    to_modes: Six,
+    from_modes: Six,
+}
+
+impl LoopGrid {
+    /// From `low` Hz to half the sample rate, finer about the plant's modes.
+    /// `modal` is S of Eq. (17).
+    pub fn new(plant: &SampledPlant, modal: &Matrix6<f64>, low: f64) -> Self {
+        let high = 0.5 / plant.period;
+        let peaks = modal_peaks(&plant.plant);
+        let points = grid(low, high, 500, &peaks)
+            .into_iter()
+            .map(|hz| (hz, plant.z(hz), plant.response(hz).actuators_to_sensors))
+            .collect();
+        let to_modes = modal.transpose();
+        let from_modes = to_modes.try_inverse().expect("modes are independent");
+        Self {
+            points,
+            to_modes: to_modes.map(Complex::from),
+            from_modes: from_modes.map(Complex::from),
+        }
+    }
+
+    /// 1 + L at the three openings.
+    fn return_differences(&self, g22: &Six, c: &Six) -> [(Opening, Six); 3] {
+        let at_legs = -(c * g22);
+        let one = Six::identity();
+        [
+            (Opening::Legs, one + at_legs),
+            (Opening::Sensors, one - g22 * c),
+            (
+                Opening::Modes,
+                one + self.to_modes * at_legs * self.from_modes,
+            ),
+        ]
+    }
+
+    /// Whether the sensitivity is at most `bound` everywhere on the grid. Says
+    /// nothing about stability.
+    pub fn within(&self, law: &LinearLaw, bound: f64) -> bool {
+        // σ_min(1 + L) ≥ 1/bound where (1 + L)ᴴ(1 + L) − 1/bound² is positive
+        // definite, which a Cholesky factorisation tells much faster than
+        // singular values do.
+        let floor = Six::from_diagonal_element(Complex::from(1.0 / (bound * bound)));
+        self.points.iter().all(|(_, z, g22)| {
+            self.return_differences(g22, &law.response(*z))
+                .iter()
+                .all(|(_, d)| is_positive_definite(d.adjoint() * d - floor))
+        })
+    }
+
+    /// The highest peak, found on the grid and climbed to its top. `plant` is
+    /// the one the grid was made from.
+    pub fn peak(&self, plant: &SampledPlant, law: &LinearLaw) -> PeakSensitivity {
+        let at = |hz: f64, g22: &Six| {
+            self.return_differences(g22, &law.response(plant.z(hz)))
+                .map(|(opening, d)| PeakSensitivity {
+                    value: 1.0 / d.singular_values().min(),
+                    at: hz,
+                    opening,
+                })
+                .into_iter()
+                .max_by(|a, b| a.value.total_cmp(&b.value))
+                .expect("there are three openings")
+        };
+        let (index, mut best) = self
+            .points
+            .iter()
+            .map(|(hz, _, g22)| at(*hz, g22))
+            .enumerate()
+            .max_by(|(_, a), (_, b)| a.value.total_cmp(&b.value))
+            .expect("a grid has points");
+        let hz = |i: usize| self.points[i.min(self.points.len() - 1)].0;
+        let (mut low, mut high) = (hz(index.saturating_sub(1)), hz(index + 1));
+        while high - low > 1e-6 * high {
+            let third = (high - low) / 3.0;
+            let [left, right] = [low + third, high - third]
+                .map(|hz| at(hz, &plant.response(hz).actuators_to_sensors));
+            if left.value < right.value {
+                low = left.at;
+            } else {
+                high = right.at;
+            }
+            for peak in [left, right] {
+                if peak.value > best.value {
+                    best = peak;
+                }
+            }
+        }
+        best
+    }
+}
+
+/// nalgebra's complex Cholesky takes square roots of negative pivots, so the
+/// pivots are looked at here.
+fn is_positive_definite(mut m: Six) -> bool {
+    for k in 0..LEGS {
+        let pivot = m[(k, k)].re;
+        if !(pivot > 0.0) {
+            return false;
+        }
+        for i in k + 1..LEGS {
+            let factor = m[(i, k)] / pivot;
+            for j in k + 1..=i {
+                let entry = factor * m[(j, k)].conj();
+                m[(i, j)] -= entry;
+            }
+        }
+    }
+    true
+}
+
+/// Frequencies from `low` to `high`, `count` of them evenly in the logarithm,
+/// and eleven about every peak (Hz, half width in Hz).
+pub fn grid(low: f64, high: f64, count: usize, peaks: &[(f64, f64)]) -> Vec<f64> {
+    let steps = (count - 1) as f64;
+    let mut all: Vec<f64> = (0..count)
+        .map(|i| low * (high / low).powf(i as f64 / steps))
+        .collect();
+    for (centre, width) in peaks {
+        for offset in [-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0] {
+            let hz = centre + offset * width;
+            if (low..=high).contains(&hz) {
+                all.push(hz);
+            }
+        }
+    }
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+/// The modes of a plant as peaks: Hz and half width, Hz.
+pub fn modal_peaks(plant: &Plant) -> Vec<(f64, f64)> {
+    plant
+        .omega
+        .iter()
+        .map(|w| {
+            let hz = w / core::f64::consts::TAU;
+            (hz, hz * plant.damping.max(1e-4))
+        })
+        .collect()
+}
+
+/// Lightly damped poles, rad/s, as peaks: Hz and half width, Hz.
+pub fn pole_peaks(poles: &[Complex<f64>]) -> Vec<(f64, f64)> {
+    poles
+        .iter()
+        .filter(|s| s.im > 0.0 && s.re.abs() < 0.3 * s.im)
+        .map(|s| {
+            let width = s.re.abs().max(1e-4 * s.im);
+            (
+                s.im / core::f64::consts::TAU,
+                width / core::f64::consts::TAU,
+            )
+        })
+        .collect()
+}
+
+/// A sampled plant under a law.
+#[derive(Clone, Copy, Debug)]
+pub struct SampledLoop<'a> {
+    /// The plant.
+    pub plant: &'a SampledPlant,
+    /// The law.
+    pub law: LinearLaw,
+}
+
+impl SampledLoop<'_> {
+    /// One period of the closed loop as a matrix: the modes, the forces still
+    /// to act, and the law's five states per channel.
+    fn transition(&self) -> DMatrix<f64> {
+        let SampledPlant { modes, plant, .. } = self.plant;
+        let law = &self.law;
+        let n = modes.len();
+        let delays = self.plant.seen_delay();
+        let states = 2 * n + LEGS * (delays + 5);
+        let held = |age: usize| 2 * n + LEGS * (age - 1);
+        let [average, second, rolled, integral] =
+            core::array::from_fn(|i| 2 * n + LEGS * (delays + i));
+        // A signal is its row of coefficients on the states before the step.
+        let state = |at: usize| {
+            let mut rows = DMatrix::zeros(LEGS, states);
+            rows.view_mut((0, at), (LEGS, LEGS)).fill_with_identity();
+            rows
+        };
+        let seen = state(held(delays));
+        let mut y = &plant.sensors.actuators * &seen;
+        for i in 0..n {
+            let w = plant.omega[i];
+            let acceleration = plant.sensors.acceleration.column(i);
+            let displacement = plant.sensors.displacement.column(i);
+            let mut x = y.column_mut(2 * i);
+            x += displacement - acceleration * (w * w);
+            let mut v = y.column_mut(2 * i + 1);
+            v -= acceleration * (2.0 * plant.damping * w);
+        }
+        y += &plant.sensors.acceleration * &plant.actuators * &seen;
+
+        let mut next = DMatrix::zeros(states, states);
+        let mut set = |at: usize, rows: &DMatrix<f64>| next.rows_mut(at, LEGS).copy_from(rows);
+        let v = y - state(average);
+        set(average, &(state(average) + law.ac_coupling * &v));
+        let w = v - state(second);
+        set(second, &(state(second) + law.ac_coupling * &w));
+        let before = state(rolled);
+        let r = &before + law.roll_off * (w - &before);
+        set(rolled, &r);
+        let x = (1.0 - law.leak) * state(integral) + to_dynamic(&law.increment) * (&r + before);
+        set(integral, &x);
+        let force = -(x + to_dynamic(&law.proportional) * r);
+        set(held(1), &force);
+        for age in 2..=delays {
+            set(held(age), &state(held(age - 1)));
+        }
+        let age = self.plant.whole_periods;
+        let new = if age == 0 { force } else { state(held(age)) };
+        let old = state(held(age + 1));
+        for (i, mode) in modes.iter().enumerate() {
+            let input = plant.actuators.row(i);
+            let mut rows = next.rows_mut(2 * i, 2);
+            rows.view_mut((0, 2 * i), (2, 2))
+                .copy_from(&mode.transition);
+            rows += mode.after * (input * &new) + mode.before * (input * &old);
+        }
+        next
+    }
+
+    /// The closed loop's poles as continuous ones, ln(z)/T, rad/s, slowest
+    /// first; poles at z = 0 are left out. None if the eigenvalue iteration
+    /// does not end.
+    pub fn poles(&self) -> Option<Vec<Complex<f64>>> {
+        let mut poles: Vec<_> = eigenvalues(&self.transition())?
+            .into_iter()
+            .filter(|z| z.norm() > 1e-12)
+            .map(|z| z.ln() / self.plant.period)
+            .collect();
+        poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+        Some(poles)
+    }
+
+    /// The closed loop's transfer functions at `hz`: floor → performance and
+    /// rigid floor motion → rigid whole.
+    pub fn close(&self, hz: f64) -> (Gain, Gain) {
+        let controller = self.law.response(self.plant.z(hz));
+        let response: Response = self.plant.response(hz);
+        response.close(&self.plant.plant, Some(&controller))
+    }
+}
+
+/// Whether all poles lie in the left half plane.
+pub fn stable(poles: &[Complex<f64>]) -> bool {
+    poles.iter().all(|s| s.re < 0.0)
+}
+
+/// The frequency above which the whole no longer follows the floor: σ_max of
+/// rigid floor motion → rigid whole stays under 1/√2. Searched upward to
+/// `high` Hz, `closed` giving that transfer function.
+pub fn corner(low: f64, high: f64, peaks: &[(f64, f64)], closed: impl Fn(f64) -> Gain) -> f64 {
+    let level = core::f64::consts::FRAC_1_SQRT_2;
+    let follows = |hz: f64| largest_singular_value(&closed(hz)) > level;
+    let points = grid(low, high, 300, peaks);
+    let Some(last) = points.iter().rposition(|&hz| follows(hz)) else {
+        return low;
+    };
+    let Some(&beyond) = points.get(last + 1) else {
+        return high;
+    };
+    let (mut inside, mut outside) = (points[last], beyond);
+    for _ in 0..30 {
+        let middle = 0.5 * (inside + outside);
+        if follows(middle) {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    outside
+}

@@ -1,0 +1,196 @@
+//! The gains of section 4 of the paper, on the rigid design model.
+
+use nalgebra::{Complex, DMatrix, Matrix6, Matrix6xX};
+use shared::LEGS;
+use shared::table::Feedback;
+
+use crate::linear::{eigenvalues, generalised_eigen};
+use crate::machine::{Fault, Machine, MachineError, Target};
+use crate::multibody::{Multibody, RigidModel, dependent, reach, to_dynamic, to_six};
+use crate::plant::Plant;
+
+/// A proportional-integral law, σ = −(P·y + I·∫y), rows actuators, columns
+/// sensors: Eqs. (14), (21), (22).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gains {
+    /// K_a, N/(m/s²), or K_P.
+    pub proportional: Matrix6<f64>,
+    /// K_v, N/(m/s), or K_I, 1/s.
+    pub integral: Matrix6<f64>,
+}
+
+/// The design model with what the gains are made of.
+#[derive(Clone, Debug)]
+pub struct Design {
+    /// All bodies as one.
+    pub rigid: RigidModel,
+    /// Its modes, rad/s, ascending.
+    pub omega: [f64; LEGS],
+    /// S = M_d^(−1/2)·P of Eq. (17): SᵀM_dS = 1, SᵀK_dS = diag(ω²).
+    pub modal: Matrix6<f64>,
+    /// T_c of Eq. (15): sensor positions from q_s. For force sensors the order
+    /// of the channels only.
+    pub sensing: Matrix6<f64>,
+    /// What is fed back.
+    pub feedback: Feedback,
+}
+
+impl Design {
+    /// The design model of `machine` with the sensors of `feedback`.
+    ///
+    /// # Errors
+    /// Where actuators or sensors do not fix six degrees of freedom, or there
+    /// are no such sensors.
+    pub fn new(
+        machine: &Machine,
+        model: &Multibody,
+        feedback: Feedback,
+    ) -> Result<Self, MachineError> {
+        let rigid = RigidModel::new(machine, model)?;
+        let (squares, shapes) =
+            generalised_eigen(&to_dynamic(&rigid.stiffness), &to_dynamic(&rigid.mass))
+                .expect("the lumped mass is positive definite because every body's is");
+        let sensing = match feedback {
+            Feedback::Acceleration => acceleration_sensing(machine, model, &rigid)?,
+            Feedback::Force => force_sensing(machine)?,
+        };
+        Ok(Self {
+            omega: core::array::from_fn(|i| squares[i].max(0.0).sqrt()),
+            modal: to_six(&shapes),
+            rigid,
+            sensing,
+            feedback,
+        })
+    }
+
+    /// The modes of the design model, Hz.
+    pub fn hertz(&self) -> [f64; LEGS] {
+        self.omega.map(|w| w / core::f64::consts::TAU)
+    }
+
+    /// The gains that put all six modes of the design model at ω_n with
+    /// damping ζ_n.
+    ///
+    /// Accelerations, Eqs. (19) and (20): K'_a = K_d/ω_n² − M_d,
+    /// K'_v = 2ζ_n·ω_n·(K'_a + M_d), both times T_c⁻¹.
+    ///
+    /// Forces, Eq. (22): K_P = K_d·(ω_n²·M_d)⁻¹ − 1, K_I = 2ζ_n·ω_n·(1 + K_P).
+    /// The paper prints the product the other way round. With y = σ − K_d·q
+    /// the loop gives M_d·q̈ = −(1 + K_P)⁻¹·K_d·q, which is −ω_n²·M_d·q only in
+    /// this order; the two agree where K_d and M_d commute, as they do for six
+    /// equal legs without bending stiffness.
+    pub fn gains(&self, target: &Target) -> Gains {
+        let omega = target.omega();
+        let RigidModel {
+            mass, stiffness, ..
+        } = &self.rigid;
+        let (proportional, integral) = match self.feedback {
+            Feedback::Acceleration => {
+                let virtual_mass = stiffness / (omega * omega) - mass;
+                let damping = (virtual_mass + mass) * (2.0 * target.damping * omega);
+                (virtual_mass, damping)
+            }
+            Feedback::Force => {
+                let inverse = (mass * (omega * omega))
+                    .try_inverse()
+                    .expect("the lumped mass is positive definite because every body's is");
+                let whole = stiffness * inverse;
+                (
+                    whole - Matrix6::identity(),
+                    whole * (2.0 * target.damping * omega),
+                )
+            }
+        };
+        let unsense = self
+            .sensing
+            .try_inverse()
+            .expect("the sensors were checked to be independent");
+        Gains {
+            proportional: proportional * unsense,
+            integral: integral * unsense,
+        }
+    }
+}
+
+fn acceleration_sensing(
+    machine: &Machine,
+    model: &Multibody,
+    rigid: &RigidModel,
+) -> Result<Matrix6<f64>, MachineError> {
+    let Some(sensors) = &machine.accelerometers else {
+        return Err(machine.locate(Fault::new(
+            "sensors",
+            "there are no accelerometers; add six under sensors.acceleration",
+        )));
+    };
+    let rows = sensors.each_ref().map(|sensor| {
+        let (relative, _) = model.direction(machine, sensor);
+        relative.transpose() * &model.ride
+    });
+    let rows = DMatrix::from_rows(&rows.map(|row| row.columns(0, 6).into_owned()));
+    if let Some(i) = dependent(&rows, reach(machine)) {
+        return Err(machine.locate(Fault::new(
+            format!("sensors.acceleration.{}", sensors[i].name),
+            "singular sensor arrangement: it reads nothing of the rigid machine that the sensors before it do not; move or turn it",
+        )));
+    }
+    let inverse = rigid
+        .elongations
+        .try_inverse()
+        .expect("the elongations were checked to be independent");
+    Ok(to_six(&rows) * inverse)
+}
+
+/// The channel order of the force sensors; that they are the six legs was
+/// checked when the file was read.
+fn force_sensing(machine: &Machine) -> Result<Matrix6<f64>, MachineError> {
+    let Some(sensors) = &machine.force_sensors else {
+        return Err(machine.locate(Fault::new(
+            "sensors",
+            "there are no force sensors; add one per leg under sensors.force",
+        )));
+    };
+    Ok(Matrix6::from_fn(|i, j| {
+        f64::from(u8::from(sensors[i] == machine.actuators[j]))
+    }))
+}
+
+/// The poles of `plant` with the unsampled, undelayed law, rad/s.
+///
+/// Six more at s = 0 are left out: the integrals of the sensors, whose
+/// constants of integration nothing holds.
+///
+/// None if the eigenvalue iteration does not end.
+pub fn ideal_poles(plant: &Plant, gains: &Gains) -> Option<Vec<Complex<f64>>> {
+    let n = plant.omega.len();
+    // x = (z, ż, Y) with Ẏ = y.
+    let size = 2 * n + LEGS;
+    let stiffness = DMatrix::from_diagonal(&plant.omega.map(|w| w * w));
+    let damping = DMatrix::from_diagonal(&plant.omega.map(|w| 2.0 * plant.damping * w));
+    let sensors = &plant.sensors;
+    // y = c·x + d·σ
+    let mut c = Matrix6xX::zeros(size);
+    c.columns_mut(0, n)
+        .copy_from(&(&sensors.displacement - &sensors.acceleration * &stiffness));
+    c.columns_mut(n, n)
+        .copy_from(&(-&sensors.acceleration * &damping));
+    let d = &sensors.acceleration * &plant.actuators + &sensors.actuators;
+    let d: Matrix6<f64> = d.fixed_rows::<LEGS>(0).into_owned();
+    // σ = −(P·(c·x + d·σ) + I·Y)
+    let mut force = -gains.proportional * &c;
+    let mut columns = force.columns_mut(2 * n, LEGS);
+    columns -= gains.integral;
+    let force = (Matrix6::identity() + gains.proportional * d)
+        .lu()
+        .solve(&force)?;
+    let mut a = DMatrix::zeros(size, size);
+    a.view_mut((0, n), (n, n)).fill_with_identity();
+    a.view_mut((n, 0), (n, n)).copy_from(&-stiffness);
+    a.view_mut((n, n), (n, n)).copy_from(&-damping);
+    let mut rows = a.rows_mut(n, n);
+    rows += &plant.actuators * &force;
+    a.rows_mut(2 * n, LEGS).copy_from(&(c + d * force));
+    let mut poles = eigenvalues(&a)?;
+    poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+    Some(poles.split_off(LEGS))
+}

@@ -1,0 +1,33 @@
+//! From a machine's geometry to a controller table.
+//!
+//! Data flows one way, one module a stage:
+//!
+//! | module | from | to |
+//! |---|---|---|
+//! | [`machine`] | a TOML file | nodes, bodies, beams, board, checked |
+//! | [`multibody`] | the machine | M, K, q_d, M_r, B_0 and the modes |
+//! | [`design`] | the rigid design model | K_a, K_v or K_P, K_I |
+//! | [`plant`] | modes, inputs, outputs | the generalised plant G, continuous and sampled |
+//! | [`closed_loop`] | sampled plant and table | stability, sensitivity, isolation |
+//! | [`roll_off`] | all of these | the corner that the sampled loop bears |
+//! | [`table`] | gains and board | the table and its Rust source |
+//! | [`simulation`] | sampled plant and table | the loop in time, with converters and noise |
+//! | [`study`] | a machine | all of these up to the plant |
+//! | [`output`] | results | text and JSON |
+//!
+//! Equation numbers are those of J. van Dijk, "Mechatronic Design of
+//! Hard-Mount Concepts for Precision Equipment". SI units; frequencies in Hz
+//! where a name says so or a person reads them, else rad/s.
+#![forbid(unsafe_code)]
+
+pub mod closed_loop;
+pub mod design;
+mod linear;
+pub mod machine;
+pub mod multibody;
+pub mod output;
+pub mod plant;
+pub mod roll_off;
+pub mod simulation;
+pub mod study;
+pub mod table;

@@ -1,0 +1,99 @@
+//! Small linear algebra that nalgebra does not have.
+
+use nalgebra::linalg::Cholesky;
+use nalgebra::linalg::balancing::balance_parlett_reinsch;
+use nalgebra::{Complex, DMatrix, DVector};
+
+/// The first row that is a combination of the rows before it, to `tolerance`
+/// of its own length.
+pub fn first_dependent_row(rows: &DMatrix<f64>, tolerance: f64) -> Option<usize> {
+    let mut basis: Vec<DVector<f64>> = Vec::new();
+    for (i, row) in rows.row_iter().enumerate() {
+        let mut rest = row.transpose();
+        let length = rest.norm();
+        // Twice, because once leaves rounding of the size of the condition.
+        for _ in 0..2 {
+            for direction in &basis {
+                let along = direction.dot(&rest);
+                rest.axpy(-along, direction, 1.0);
+            }
+        }
+        if rest.norm() <= tolerance * length || length == 0.0 {
+            return Some(i);
+        }
+        basis.push(rest.normalize());
+    }
+    None
+}
+
+/// K v = λ M v for symmetric K and positive definite M: λ ascending, and the
+/// vectors as columns with VᵀMV = 1 and the largest entry of each positive.
+/// None if M is not positive definite.
+pub fn generalised_eigen(
+    stiffness: &DMatrix<f64>,
+    mass: &DMatrix<f64>,
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let factor = Cholesky::new(mass.clone())?;
+    let l = factor.l();
+    // L⁻¹ K L⁻ᵀ
+    let half = l.solve_lower_triangular(stiffness)?;
+    let mut reduced = l.solve_lower_triangular(&half.transpose())?;
+    reduced = 0.5 * (&reduced + reduced.transpose());
+    let eigen = reduced.symmetric_eigen();
+    let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    let values = DVector::from_iterator(order.len(), order.iter().map(|&i| eigen.eigenvalues[i]));
+    let sorted = eigen.eigenvectors.select_columns(&order);
+    let mut vectors = l.transpose().solve_upper_triangular(&sorted)?;
+    for mut column in vectors.column_iter_mut() {
+        if column[column.icamax()] < 0.0 {
+            column.neg_mut();
+        }
+    }
+    Some((values, vectors))
+}
+
+/// All eigenvalues of a general matrix. None if the iteration does not end.
+///
+/// By faer: nalgebra's Schur iteration does not converge on the closed loops
+/// here, which have several equal eigenvalues.
+pub fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    // Forces, displacements and sensor values differ by many decades: scaled
+    // first, so that rounding is relative to each.
+    let mut scaled = matrix.clone();
+    balance_parlett_reinsch(&mut scaled);
+    faer::Mat::from_fn(scaled.nrows(), scaled.ncols(), |i, j| scaled[(i, j)])
+        .eigenvalues()
+        .ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_dependent_row_is_named() {
+        let rows = DMatrix::from_row_slice(3, 3, &[1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 2.0, 5.0, 6.0]);
+        assert_eq!(first_dependent_row(&rows, 1e-9), Some(2));
+        let free = DMatrix::from_row_slice(3, 3, &[1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 2.0, 5.0, 6.1]);
+        assert_eq!(first_dependent_row(&free, 1e-9), None);
+    }
+
+    /// x⁴ − 10x³ + 35x² − 50x + 24 = (x−1)(x−2)(x−3)(x−4), as a companion matrix.
+    #[test]
+    fn companion_eigenvalues_are_the_roots() {
+        let c = DMatrix::from_row_slice(
+            4,
+            4,
+            &[
+                10.0, -35.0, 50.0, -24.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0,
+                0.0,
+            ],
+        );
+        let mut roots: Vec<f64> = eigenvalues(&c).unwrap().iter().map(|z| z.re).collect();
+        roots.sort_by(f64::total_cmp);
+        for (root, expected) in roots.iter().zip([1.0, 2.0, 3.0, 4.0]) {
+            assert!((root - expected).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,362 @@
+//! The machine file as written: TOML, SI units, angles in none.
+//!
+//! Every key is described in `docs/machine-file.md`. This module only says what
+//! may stand where; [`super::Machine`] is what has been checked.
+
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+
+/// The whole file.
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct File {
+    /// Layout of the file; 1.
+    pub format: u32,
+    /// What the machine is called.
+    pub name: String,
+    /// Positions, m.
+    pub nodes: IndexMap<String, [f64; 3]>,
+    /// The moving base.
+    pub base: Base,
+    /// Rigid bodies.
+    pub bodies: IndexMap<String, Body>,
+    /// Stiffness sets that beams share by name.
+    #[serde(default)]
+    pub profiles: IndexMap<String, Profile>,
+    /// Massless beams.
+    pub beams: IndexMap<String, Beam>,
+    /// The degrees of freedom q_d.
+    pub coordinates: Coordinates,
+    /// Beams with an actuator along them.
+    pub actuators: Actuators,
+    /// Feedback sensors.
+    pub sensors: Sensors,
+    /// Rheonomic inputs.
+    pub floor: Floor,
+    /// What is judged.
+    pub performance: Performance,
+    /// Modal damping.
+    #[serde(default)]
+    pub damping: Damping,
+    /// The control target.
+    pub control: Control,
+    /// The board.
+    pub board: Board,
+    /// The standard run in simulation. Not part of the digest.
+    #[serde(default, skip_serializing)]
+    pub simulation: Simulation,
+    /// Where the numbers come from. Not part of the digest.
+    #[serde(default, skip_serializing)]
+    pub provenance: Vec<Provenance>,
+}
+
+/// `[base]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Base {
+    /// Nodes that move with the base.
+    pub nodes: Vec<String>,
+}
+
+/// `[bodies.NAME]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// kg.
+    pub mass: f64,
+    /// About the body's own centre of gravity, kg m²: `[Ixx, Iyy, Izz]`, or
+    /// the full tensor as three rows.
+    pub inertia: Inertia,
+    /// Centre of gravity, m.
+    pub cog: [f64; 3],
+    /// Nodes that move with the body.
+    pub nodes: Vec<String>,
+}
+
+/// Inertia in either notation.
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(
+    untagged,
+    expecting = "inertia is three principal moments [Ixx, Iyy, Izz] or three rows of the tensor, kg m²"
+)]
+pub enum Inertia {
+    /// Principal moments about the axes of the file.
+    Diagonal([f64; 3]),
+    /// Symmetric tensor by rows.
+    Tensor([[f64; 3]; 3]),
+}
+
+/// `[profiles.NAME]`, or given with the beam: either the end stiffnesses or
+/// material and section.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Profile {
+    /// EA/L, N/m.
+    pub axial: Option<f64>,
+    /// EI/L in the planes of `e3, e4` and of `e5, e6`, N m.
+    pub bending: Option<[f64; 2]>,
+    /// GJ/L, N m.
+    pub torsion: Option<f64>,
+    /// Young's modulus E, Pa.
+    pub youngs_modulus: Option<f64>,
+    /// Shear modulus G, Pa.
+    pub shear_modulus: Option<f64>,
+    /// Cross-section A, m².
+    pub area: Option<f64>,
+    /// Second moments of area for bending in the planes of `e3, e4` and of
+    /// `e5, e6`, m⁴.
+    pub second_moments: Option<[f64; 2]>,
+    /// Torsion constant J, m⁴.
+    pub torsion_constant: Option<f64>,
+}
+
+/// `[beams.NAME]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Beam {
+    /// From the first to the second; e1 grows as they part.
+    pub nodes: [String; 2],
+    /// A shared stiffness set.
+    pub profile: Option<String>,
+    /// The beam's own.
+    pub stiffness: Option<Profile>,
+    /// Roughly the direction of the local y axis; found if not given.
+    pub y_axis: Option<[f64; 3]>,
+}
+
+/// `[coordinates]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coordinates {
+    /// `"BEAM.e1"` to `"BEAM.e6"`.
+    pub deformations: Vec<String>,
+}
+
+/// `[actuators]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Actuators {
+    /// The six legs, in channel order.
+    pub beams: Vec<String>,
+}
+
+/// `[sensors]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensors {
+    /// Accelerometers, in channel order.
+    #[serde(default)]
+    pub acceleration: IndexMap<String, NodeDirection>,
+    /// Leg force sensors, in channel order.
+    #[serde(default)]
+    pub force: IndexMap<String, ForceSensor>,
+}
+
+/// A direction at a node.
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct NodeDirection {
+    /// Where.
+    pub node: String,
+    /// Unit vector.
+    pub direction: [f64; 3],
+}
+
+/// A force sensor in a leg.
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForceSensor {
+    /// Which.
+    pub beam: String,
+}
+
+/// `[floor]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Floor {
+    /// Six directions at base nodes, which fix the motion of the rigid base.
+    pub inputs: IndexMap<String, NodeDirection>,
+}
+
+/// `[performance]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Performance {
+    /// Second time derivatives of deformations, `"BEAM.e1"` to `"BEAM.e6"`.
+    #[serde(default)]
+    pub deformations: Vec<String>,
+    /// Absolute accelerations.
+    #[serde(default)]
+    pub accelerations: IndexMap<String, NodeDirection>,
+    /// Bands whose worst peak is reported, Hz.
+    #[serde(default)]
+    pub bands: IndexMap<String, [f64; 2]>,
+}
+
+/// `[damping]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Damping {
+    /// Relative damping of every mode.
+    pub modal: f64,
+}
+
+impl Default for Damping {
+    fn default() -> Self {
+        Self { modal: 0.005 }
+    }
+}
+
+/// `[control]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Control {
+    /// `"acceleration"` or `"force"`.
+    pub feedback: FeedbackName,
+    /// The corner the suspension is to get, ω_n/2π, Hz.
+    pub frequency: f64,
+    /// Its relative damping ζ_n.
+    pub damping: f64,
+    /// The peak sensitivity the sampled loop may have.
+    #[serde(default = "two")]
+    pub max_sensitivity: f64,
+}
+
+fn two() -> f64 {
+    2.0
+}
+
+/// What the loop feeds back.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum FeedbackName {
+    /// Frame accelerations.
+    Acceleration,
+    /// Leg forces.
+    Force,
+}
+
+/// `[board]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Board {
+    /// Hz.
+    pub sample_rate: f64,
+    /// From the sampling instant until the code is read, s.
+    pub conversion_delay: f64,
+    /// From there until the output is latched, s.
+    pub output_delay: f64,
+    /// The six inputs.
+    pub adc: Adc,
+    /// The six outputs.
+    pub dac: Dac,
+    /// Accelerometers with their amplifiers.
+    pub accelerometer: Option<Sensor>,
+    /// Force sensors with their amplifiers.
+    pub force_sensor: Option<Sensor>,
+    /// Piezo with amplifier.
+    pub actuator: Actuator,
+}
+
+/// `[board.adc]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Adc {
+    /// 8 to 16.
+    pub bits: u32,
+    /// ±, V.
+    pub range: f64,
+    /// rms, V.
+    #[serde(default)]
+    pub noise: f64,
+}
+
+/// `[board.dac]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Dac {
+    /// 8 to 16.
+    pub bits: u32,
+    /// Low and high end, V; the middle is no force.
+    pub range: [f64; 2],
+    /// rms, V.
+    #[serde(default)]
+    pub noise: f64,
+}
+
+/// `[board.accelerometer]`, `[board.force_sensor]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// V per m/s² or V per N, amplifier included.
+    pub sensitivity: f64,
+    /// White noise, m/s²/√Hz or N/√Hz.
+    #[serde(default)]
+    pub noise_density: f64,
+    /// V.
+    #[serde(default)]
+    pub offset: f64,
+}
+
+/// `[board.actuator]`
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Actuator {
+    /// N per V at the DAC.
+    pub gain: f64,
+    /// Largest force either way, N.
+    pub limit: f64,
+}
+
+/// `[simulation]`
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Simulation {
+    /// Measured time, s.
+    pub duration: f64,
+    /// Time before it, s.
+    pub settling: f64,
+    /// Floor acceleration, rms of each input, m/s².
+    pub floor_rms: f64,
+    /// Its band, Hz.
+    pub floor_band: [f64; 2],
+    /// Of the random numbers.
+    pub seed: u64,
+}
+
+impl Default for Simulation {
+    fn default() -> Self {
+        Self {
+            duration: 20.0,
+            settling: 10.0,
+            floor_rms: 1e-3,
+            floor_band: [1.0, 200.0],
+            seed: 1,
+        }
+    }
+}
+
+/// `[[provenance]]`
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Keys of this file, such as `"nodes.n3"` or `"bodies.lens.cog"`; a key
+    /// covers all below it.
+    pub entries: Vec<String>,
+    /// How sure the numbers are.
+    pub kind: Certainty,
+    /// From what.
+    pub from: String,
+}
+
+/// How sure a number is.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum Certainty {
+    /// A source states it.
+    Published,
+    /// Follows from what a source states.
+    Reconstructed,
+    /// Chosen.
+    Assumed,
+}

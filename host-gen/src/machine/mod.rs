@@ -1,0 +1,263 @@
+//! A machine, read from its file and checked.
+//!
+//! What only the arrangement as a whole can show (a singular mass, dependent
+//! degrees of freedom) is checked by [`crate::multibody`] and
+//! [`crate::design`], which [`Machine::load`] does not run.
+
+mod error;
+pub mod file;
+mod validate;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Matrix3, Vector3};
+use sha2::{Digest, Sha256};
+use shared::LEGS;
+use shared::codes::{Adc, Dac};
+use shared::table::{Feedback, ModelDigest};
+
+pub(crate) use error::Fault;
+pub use error::MachineError;
+pub use file::{Certainty, Provenance, Simulation};
+
+/// A machine as checked. SI units.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    /// Name, from the file.
+    pub name: String,
+    /// All nodes.
+    pub nodes: Vec<Node>,
+    /// Rigid bodies.
+    pub bodies: Vec<Body>,
+    /// Beams.
+    pub beams: Vec<Beam>,
+    /// Degrees of freedom q_d.
+    pub coordinates: Vec<Deformation>,
+    /// Actuated beams, by index, in channel order.
+    pub actuators: [usize; LEGS],
+    /// Accelerometers in channel order, none or six.
+    pub accelerometers: Option<[Direction; LEGS]>,
+    /// Beams with a force sensor by index, in channel order, none or six.
+    pub force_sensors: Option<[usize; LEGS]>,
+    /// Rheonomic inputs at base nodes.
+    pub floor: [Direction; LEGS],
+    /// Performance outputs.
+    pub performance: Vec<Performance>,
+    /// Bands to report peaks in: name, Hz, Hz.
+    pub bands: Vec<(String, f64, f64)>,
+    /// Relative damping of every mode.
+    pub modal_damping: f64,
+    /// Control target.
+    pub target: Target,
+    /// The board.
+    pub board: Board,
+    /// The standard run in simulation.
+    pub simulation: Simulation,
+    /// What of the file is published, reconstructed or assumed.
+    pub provenance: Vec<Provenance>,
+    /// SHA-256 of the description, comments and layout left out.
+    pub digest: ModelDigest,
+    file: PathBuf,
+    text: String,
+}
+
+/// A named point.
+#[derive(Clone, Debug)]
+pub struct Node {
+    /// Name.
+    pub name: String,
+    /// Position, m.
+    pub at: Vector3<f64>,
+    /// What it moves with.
+    pub carrier: Carrier,
+}
+
+/// What a node moves with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carrier {
+    /// The moving base.
+    Base,
+    /// A body, by index.
+    Body(usize),
+}
+
+/// A rigid body.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Name.
+    pub name: String,
+    /// kg.
+    pub mass: f64,
+    /// About its centre of gravity, kg m².
+    pub inertia: Matrix3<f64>,
+    /// Centre of gravity, m.
+    pub cog: Vector3<f64>,
+}
+
+/// A massless beam between two nodes.
+#[derive(Clone, Debug)]
+pub struct Beam {
+    /// Name.
+    pub name: String,
+    /// Nodes by index: p, q.
+    pub ends: [usize; 2],
+    /// Stiffness.
+    pub stiffness: Stiffness,
+    /// Local axes as rows: x from p to q, then y and z.
+    pub axes: Matrix3<f64>,
+    /// m.
+    pub length: f64,
+}
+
+/// End stiffnesses of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiffness {
+    /// EA/L, N/m.
+    pub axial: f64,
+    /// EI/L in the planes of e3, e4 and of e5, e6, N m.
+    pub bending: [f64; 2],
+    /// GJ/L, N m.
+    pub torsion: f64,
+}
+
+/// One deformation of one beam.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Deformation {
+    /// Beam by index.
+    pub beam: usize,
+    /// 0 to 5 for e1 to e6.
+    pub component: usize,
+}
+
+/// A named direction at a node.
+#[derive(Clone, Debug)]
+pub struct Direction {
+    /// Name.
+    pub name: String,
+    /// Node by index.
+    pub node: usize,
+    /// Unit vector.
+    pub direction: Vector3<f64>,
+}
+
+/// One performance output.
+#[derive(Clone, Debug)]
+pub enum Performance {
+    /// Second time derivative of a deformation, m/s².
+    Deformation(Deformation),
+    /// Absolute acceleration, m/s².
+    Acceleration(Direction),
+}
+
+/// What the controller is to do.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// What is fed back.
+    pub feedback: Feedback,
+    /// ω_n/2π, Hz.
+    pub frequency: f64,
+    /// ζ_n.
+    pub damping: f64,
+    /// Bound on the sampled loop's peak sensitivity.
+    pub max_sensitivity: f64,
+}
+
+impl Target {
+    /// ω_n, rad/s.
+    pub fn omega(&self) -> f64 {
+        core::f64::consts::TAU * self.frequency
+    }
+}
+
+/// The board and what hangs on its converters.
+#[derive(Clone, Copy, Debug)]
+pub struct Board {
+    /// Hz.
+    pub sample_rate: f64,
+    /// From the sampling instant until the output is latched, s.
+    pub latch_delay: f64,
+    /// Inputs.
+    pub adc: Adc,
+    /// rms, V.
+    pub adc_noise: f64,
+    /// Outputs.
+    pub dac: Dac,
+    /// rms, V.
+    pub dac_noise: f64,
+    /// The sensors that are fed back.
+    pub sensor: Sensor,
+    /// N per V at the DAC.
+    pub actuator_gain: f64,
+    /// N.
+    pub force_limit: f64,
+}
+
+impl Board {
+    /// Sample period T, s.
+    pub fn period(&self) -> f64 {
+        1.0 / self.sample_rate
+    }
+
+    /// From sample to the middle of the hold: what the loop sees as delay, s.
+    pub fn whole_delay(&self) -> f64 {
+        self.latch_delay + 0.5 * self.period()
+    }
+}
+
+/// A sensor with its amplifier.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensor {
+    /// V per unit.
+    pub sensitivity: f64,
+    /// Unit/√Hz.
+    pub noise_density: f64,
+    /// V.
+    pub offset: f64,
+}
+
+impl Machine {
+    /// Reads and checks a machine file.
+    pub fn load(path: &Path) -> Result<Self, MachineError> {
+        let text =
+            fs::read_to_string(path).map_err(|error| MachineError::unreadable(path, &error))?;
+        Self::parse(path, &text)
+    }
+
+    /// Checks the text of a machine file; `path` is only for errors.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, MachineError> {
+        let file: file::File =
+            toml::from_str(text).map_err(|error| MachineError::syntax(path, text, &error))?;
+        // Serialised, the description has neither comments nor layout, and
+        // numbers in their shortest form.
+        let canonical = serde_json::to_vec(&file).expect("numbers and strings serialise");
+        let digest = ModelDigest(Sha256::digest(canonical).into());
+        validate::machine(file, path, text, digest)
+            .map_err(|fault| MachineError::locate(path, text, fault))
+    }
+
+    /// `fault`, placed in this machine's file.
+    pub(crate) fn locate(&self, fault: Fault) -> MachineError {
+        MachineError::locate(&self.file, &self.text, fault)
+    }
+
+    /// `"beam.e1"` and so on.
+    pub fn deformation_name(&self, deformation: Deformation) -> String {
+        format!(
+            "{}.e{}",
+            self.beams[deformation.beam].name,
+            deformation.component + 1
+        )
+    }
+
+    /// What the performance outputs are called.
+    pub fn performance_names(&self) -> Vec<String> {
+        self.performance
+            .iter()
+            .map(|output| match output {
+                Performance::Deformation(d) => self.deformation_name(*d),
+                Performance::Acceleration(d) => d.name.clone(),
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,389 @@
+//! Rigid bodies and Euler–Bernoulli beams on a moving base, linearised.
+//!
+//! Body coordinates x hold, for each body, the translation of its centre of
+//! gravity and its rotation, six numbers, relative to where the moving base
+//! carries it. Deformations depend on x alone; with the base motion b
+//! (translation of the origin and rotation) the absolute motion is x + Φ b and
+//!
+//! ```text
+//! M·ẍ + K·x = −M·Φ·b̈ + Eᵀσ
+//! ```
+//!
+//! The chosen deformations q_d = E_d·x turn this into Eq. (2). The floor inputs
+//! q_r are six motions on the base, q_r = R·b.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Matrix6xX, MatrixXx6, RowVector6, Vector3};
+use shared::LEGS;
+
+use crate::linear::{first_dependent_row, generalised_eigen};
+use crate::machine::{Beam, Carrier, Deformation, Direction, Fault, Machine, MachineError};
+
+/// How far, relative to its length, a row must stand out of the rows before it
+/// to count as independent. Coordinates typed with six digits stay below it
+/// where the arrangement is singular.
+pub const INDEPENDENT: f64 = 1e-5;
+
+/// The linear model of a machine.
+#[derive(Clone, Debug)]
+pub struct Multibody {
+    /// M in body coordinates, 6n×6n, kg and kg m².
+    pub mass: DMatrix<f64>,
+    /// K in body coordinates, 6n×6n.
+    pub stiffness: DMatrix<f64>,
+    /// Φ, 6n×6: body motion when the base moves and nothing deforms.
+    pub ride: MatrixXx6<f64>,
+    /// R, 6×6: floor inputs from base motion.
+    pub floor: Matrix6<f64>,
+    /// E_d, 6n×6n: q_d from body coordinates.
+    pub coordinates: DMatrix<f64>,
+    /// Elongations e1 of the actuated beams from body coordinates, 6×6n.
+    pub elongations: Matrix6xX<f64>,
+}
+
+/// The machine in the form of Eq. (2).
+#[derive(Clone, Debug)]
+pub struct EquationOfMotion {
+    /// M_d, kg.
+    pub mass: DMatrix<f64>,
+    /// D_d, N s/m, from the modal damping.
+    pub damping: DMatrix<f64>,
+    /// K_d, N/m.
+    pub stiffness: DMatrix<f64>,
+    /// M_r, 6n×6, kg.
+    pub rheonomic: MatrixXx6<f64>,
+    /// B_0, 6n×6.
+    pub input: MatrixXx6<f64>,
+}
+
+/// The undamped modes.
+#[derive(Clone, Debug)]
+pub struct Modes {
+    /// Natural frequencies, rad/s, ascending.
+    pub omega: DVector<f64>,
+    /// Shapes in body coordinates as columns, VᵀMV = 1.
+    pub shapes: DMatrix<f64>,
+}
+
+impl Modes {
+    /// Natural frequencies, Hz.
+    pub fn hertz(&self) -> Vec<f64> {
+        self.omega
+            .iter()
+            .map(|w| w / core::f64::consts::TAU)
+            .collect()
+    }
+}
+
+/// −[v]×: the rotation φ moves a point at v by φ × v.
+fn lever(v: &Vector3<f64>) -> Matrix3<f64> {
+    -v.cross_matrix()
+}
+
+/// Six rows: motion of a point at `at` (translation, rotation) from the motion
+/// of a rigid body whose reference is at `reference`.
+fn transport(at: &Vector3<f64>, reference: &Vector3<f64>) -> Matrix6<f64> {
+    let mut matrix = Matrix6::identity();
+    matrix
+        .fixed_view_mut::<3, 3>(0, 3)
+        .copy_from(&lever(&(at - reference)));
+    matrix
+}
+
+/// SPACAR's six deformations, all in m, from the end motions p then q
+/// (translation and rotation of each), first order: 6×12.
+///
+/// e1 elongation; e2 = L·twist; e3 = −L·(φ − chord) at p and e4 the same at q
+/// with the other sign, in the local x–z plane; e5 and e6 likewise in x–y.
+pub(crate) fn beam_deformations(beam: &Beam) -> DMatrix<f64> {
+    let [x, y, z] = [0, 1, 2].map(|i| beam.axes.row(i).into_owned());
+    let length = beam.length;
+    let mut rows = DMatrix::zeros(6, 12);
+    let mut put = |row: usize, column: usize, values: nalgebra::RowVector3<f64>| {
+        rows.fixed_view_mut::<1, 3>(row, column).copy_from(&values);
+    };
+    let (up, fp, uq, fq) = (0, 3, 6, 9);
+    put(0, up, -x);
+    put(0, uq, x);
+    put(1, fp, -length * x);
+    put(1, fq, length * x);
+    put(2, up, z);
+    put(2, uq, -z);
+    put(2, fp, -length * y);
+    put(3, up, -z);
+    put(3, uq, z);
+    put(3, fq, length * y);
+    put(4, up, -y);
+    put(4, uq, y);
+    put(4, fp, -length * z);
+    put(5, up, y);
+    put(5, uq, -y);
+    put(5, fq, length * z);
+    rows
+}
+
+/// Stiffness against those deformations, N/m: EA/L, GJ/L³, and per bending
+/// plane EI/L³·[[4, −2], [−2, 4]].
+pub(crate) fn deformation_stiffness(beam: &Beam) -> DMatrix<f64> {
+    let per_area = 1.0 / (beam.length * beam.length);
+    let mut s = DMatrix::zeros(6, 6);
+    s[(0, 0)] = beam.stiffness.axial;
+    s[(1, 1)] = beam.stiffness.torsion * per_area;
+    for (plane, bending) in beam.stiffness.bending.iter().enumerate() {
+        let i = 2 + 2 * plane;
+        s[(i, i)] = 4.0 * bending * per_area;
+        s[(i + 1, i + 1)] = 4.0 * bending * per_area;
+        s[(i, i + 1)] = -2.0 * bending * per_area;
+        s[(i + 1, i)] = -2.0 * bending * per_area;
+    }
+    s
+}
+
+impl Multibody {
+    /// Assembles the model and checks that the arrangement can be described by
+    /// the chosen coordinates and moved by the floor inputs.
+    pub fn new(machine: &Machine) -> Result<Self, MachineError> {
+        let size = 6 * machine.bodies.len();
+        let mut mass = DMatrix::zeros(size, size);
+        let mut ride = MatrixXx6::zeros(size);
+        for (i, body) in machine.bodies.iter().enumerate() {
+            let m = Matrix3::from_diagonal_element(body.mass);
+            mass.fixed_view_mut::<3, 3>(6 * i, 6 * i).copy_from(&m);
+            mass.fixed_view_mut::<3, 3>(6 * i + 3, 6 * i + 3)
+                .copy_from(&body.inertia);
+            ride.fixed_view_mut::<6, 6>(6 * i, 0)
+                .copy_from(&transport(&body.cog, &Vector3::zeros()));
+        }
+        let mut stiffness = DMatrix::zeros(size, size);
+        let deformations: Vec<_> = machine
+            .beams
+            .iter()
+            .map(|beam| deformations_from_bodies(machine, beam))
+            .collect();
+        for (beam, rows) in machine.beams.iter().zip(&deformations) {
+            stiffness += rows.transpose() * deformation_stiffness(beam) * rows;
+        }
+        let row = |d: &Deformation| deformations[d.beam].row(d.component);
+        let coordinates =
+            DMatrix::from_rows(&machine.coordinates.iter().map(row).collect::<Vec<_>>());
+        let elongations =
+            Matrix6xX::from_rows(&machine.actuators.map(|beam| deformations[beam].row(0)));
+        let floor = Matrix6::from_rows(&machine.floor.each_ref().map(|input| {
+            let at = machine.nodes[input.node].at;
+            input.direction.transpose() * transport(&at, &Vector3::zeros()).fixed_rows::<3>(0)
+        }));
+        let model = Self {
+            mass,
+            stiffness,
+            ride,
+            floor,
+            coordinates,
+            elongations,
+        };
+        model
+            .check(machine)
+            .map_err(|fault| machine.locate(fault))?;
+        Ok(model)
+    }
+
+    fn check(&self, machine: &Machine) -> Result<(), Fault> {
+        let length = reach(machine);
+        if let Some(i) = dependent(&self.coordinates, length) {
+            return Err(Fault::new(
+                "coordinates.deformations",
+                format!(
+                    "dependent degrees of freedom: \"{}\" follows from those before it; choose another deformation",
+                    machine.deformation_name(machine.coordinates[i])
+                ),
+            ));
+        }
+        if let Some(i) = dependent(&to_dynamic(&self.floor), length) {
+            return Err(Fault::new(
+                format!("floor.inputs.{}", machine.floor[i].name),
+                "follows from the inputs before it; the six must fix the motion of a rigid base",
+            ));
+        }
+        let modes = self.eigen();
+        let (lowest, highest) = (modes.0[0], modes.0[modes.0.len() - 1]);
+        // Rounding leaves some 1e-13 of the largest.
+        if lowest <= 1e-10 * highest {
+            let shape = modes.1.column(0);
+            let heaviest = (0..machine.bodies.len())
+                .map(|i| {
+                    let part = shape.rows(6 * i, 6);
+                    let block = self.mass.view((6 * i, 6 * i), (6, 6));
+                    part.dot(&(block * part))
+                })
+                .enumerate()
+                .max_by(|a, b| a.1.total_cmp(&b.1))
+                .map_or(0, |(i, _)| i);
+            return Err(Fault::new(
+                format!("bodies.{}", machine.bodies[heaviest].name),
+                "can move without deforming any beam that is stiff; hold it by more beams or stiffer ones",
+            ));
+        }
+        Ok(())
+    }
+
+    fn eigen(&self) -> (DVector<f64>, DMatrix<f64>) {
+        generalised_eigen(&self.stiffness, &self.mass)
+            .expect("every body's mass and inertia were checked to be positive definite")
+    }
+
+    /// The undamped modes of the machine.
+    pub fn modes(&self) -> Modes {
+        let (values, shapes) = self.eigen();
+        Modes {
+            omega: values.map(|value| value.max(0.0).sqrt()),
+            shapes,
+        }
+    }
+
+    /// Eq. (2), with `modal_damping` on every mode.
+    pub fn equation_of_motion(&self, modal_damping: f64) -> EquationOfMotion {
+        let inverse = self
+            .coordinates
+            .clone()
+            .try_inverse()
+            .expect("the coordinates were checked to be independent");
+        let floor = self.floor_inverse();
+        let back = inverse.transpose();
+        let mass = &back * &self.mass * &inverse;
+        let modes = self.modes();
+        // S = E_d·V, so M·S = S⁻ᵀ.
+        let momentum = &back * &self.mass * &modes.shapes;
+        let rate = DMatrix::from_diagonal(&(2.0 * modal_damping * &modes.omega));
+        EquationOfMotion {
+            damping: &momentum * rate * momentum.transpose(),
+            stiffness: &back * &self.stiffness * &inverse,
+            rheonomic: &back * &self.mass * &self.ride * floor,
+            input: &back * self.elongations.transpose(),
+            mass,
+        }
+    }
+
+    /// R⁻¹: base motion from the floor inputs.
+    pub fn floor_inverse(&self) -> Matrix6<f64> {
+        self.floor
+            .try_inverse()
+            .expect("the floor inputs were checked to be independent")
+    }
+
+    /// The translation of a node along a direction: its row from body
+    /// coordinates (zero for a base node), and its row from base motion.
+    pub fn direction(&self, machine: &Machine, d: &Direction) -> (DVector<f64>, RowVector6<f64>) {
+        let node = &machine.nodes[d.node];
+        let mut relative = DVector::zeros(self.mass.nrows());
+        if let Carrier::Body(body) = node.carrier {
+            let row = d.direction.transpose()
+                * transport(&node.at, &machine.bodies[body].cog).fixed_rows::<3>(0);
+            relative.rows_mut(6 * body, 6).copy_from(&row.transpose());
+        }
+        let ride =
+            d.direction.transpose() * transport(&node.at, &Vector3::zeros()).fixed_rows::<3>(0);
+        (relative, ride)
+    }
+
+    /// A deformation's row from body coordinates.
+    pub fn deformation(&self, machine: &Machine, d: Deformation) -> DVector<f64> {
+        deformations_from_bodies(machine, &machine.beams[d.beam])
+            .row(d.component)
+            .transpose()
+    }
+}
+
+/// The six deformations of a beam from body coordinates, 6×6n.
+fn deformations_from_bodies(machine: &Machine, beam: &Beam) -> DMatrix<f64> {
+    let ends = beam_deformations(beam);
+    let mut rows = DMatrix::zeros(6, 6 * machine.bodies.len());
+    for (end, &node) in beam.ends.iter().enumerate() {
+        let node = &machine.nodes[node];
+        if let Carrier::Body(body) = node.carrier {
+            let mut block = rows.columns_mut(6 * body, 6);
+            block += ends.columns(6 * end, 6) * transport(&node.at, &machine.bodies[body].cog);
+        }
+    }
+    rows
+}
+
+/// A length that makes rotations comparable with translations: the rms
+/// distance of the nodes from their middle, m.
+pub(crate) fn reach(machine: &Machine) -> f64 {
+    let count = machine.nodes.len() as f64;
+    let middle = machine.nodes.iter().map(|n| n.at).sum::<Vector3<f64>>() / count;
+    let square = machine
+        .nodes
+        .iter()
+        .map(|n| (n.at - middle).norm_squared())
+        .sum::<f64>()
+        / count;
+    if square > 0.0 { square.sqrt() } else { 1.0 }
+}
+
+/// The first dependent row of a matrix whose columns are translations and
+/// rotations, three and three.
+pub(crate) fn dependent(rows: &DMatrix<f64>, length: f64) -> Option<usize> {
+    let mut scaled = rows.clone();
+    for (j, mut column) in scaled.column_iter_mut().enumerate() {
+        if j % 6 >= 3 {
+            column /= length;
+        }
+    }
+    first_dependent_row(&scaled, INDEPENDENT)
+}
+
+/// The design model of section 4: all bodies as one, on the six legs.
+///
+/// The six elongations q_s are its coordinates, so B_0 = I.
+#[derive(Clone, Debug)]
+pub struct RigidModel {
+    /// M_d, 6×6, kg.
+    pub mass: Matrix6<f64>,
+    /// K_d, 6×6, N/m.
+    pub stiffness: Matrix6<f64>,
+    /// M_r, 6×6, kg.
+    pub rheonomic: Matrix6<f64>,
+    /// q_s from the motion of the rigid whole (translation of the origin and
+    /// rotation), 6×6.
+    pub elongations: Matrix6<f64>,
+}
+
+impl RigidModel {
+    /// Lumps all bodies of `model` into one.
+    pub fn new(machine: &Machine, model: &Multibody) -> Result<Self, MachineError> {
+        let ride = &model.ride;
+        let elongations = &model.elongations * ride;
+        if let Some(i) = dependent(&to_dynamic(&elongations), reach(machine)) {
+            let beam = &machine.beams[machine.actuators[i]].name;
+            return Err(machine.locate(Fault::new(
+                "actuators.beams",
+                format!(
+                    "singular actuator arrangement: \"{beam}\" moves the machine no way that the legs before it do not; place it otherwise"
+                ),
+            )));
+        }
+        let inverse = elongations
+            .try_inverse()
+            .expect("the elongations were checked to be independent");
+        let back = inverse.transpose();
+        let mass = ride.transpose() * &model.mass * ride;
+        let stiffness = ride.transpose() * &model.stiffness * ride;
+        Ok(Self {
+            mass: back * mass * inverse,
+            stiffness: back * stiffness * inverse,
+            rheonomic: back * mass * model.floor_inverse(),
+            elongations,
+        })
+    }
+}
+
+/// A 6×6 matrix among matrices of any size.
+pub(crate) fn to_dynamic(matrix: &Matrix6<f64>) -> DMatrix<f64> {
+    DMatrix::from_column_slice(LEGS, LEGS, matrix.as_slice())
+}
+
+/// A matrix that is 6×6 as one that always is.
+pub(crate) fn to_six(matrix: &DMatrix<f64>) -> Matrix6<f64> {
+    matrix.fixed_view::<6, 6>(0, 0).into_owned()
+}
+
+const _: () = assert!(LEGS == 6, "the 6×6 types here are the six legs");

@@ -1,0 +1,494 @@
+//! Results as text for people and as JSON for programs (`docs/json.md`).
+
+use std::fmt::{self, Display, Formatter};
+
+use nalgebra::{Complex, Dim, Matrix, RawStorage};
+use serde::Serialize;
+use shared::table::Feedback;
+
+use crate::design::ideal_poles;
+use crate::machine::{Certainty, Machine};
+use crate::multibody::reach;
+use crate::plant::Plant;
+use crate::roll_off::RollOff;
+use crate::simulation::Comparison;
+use crate::study::Study;
+
+/// A matrix by rows.
+type Rows = Vec<Vec<f64>>;
+
+fn rows<R: Dim, C: Dim, S: RawStorage<f64, R, C>>(matrix: &Matrix<f64, R, C, S>) -> Rows {
+    matrix
+        .row_iter()
+        .map(|row| row.iter().copied().collect())
+        .collect()
+}
+
+fn write_rows(f: &mut Formatter<'_>, title: &str, rows: &Rows) -> fmt::Result {
+    writeln!(f, "{title}")?;
+    for row in rows {
+        for x in row {
+            write!(f, "{x:>13.4e}")?;
+        }
+        writeln!(f)?;
+    }
+    Ok(())
+}
+
+/// `host-gen modes`.
+#[derive(Debug, Serialize)]
+pub struct Modes {
+    machine: String,
+    model_sha256: String,
+    modes: Vec<Mode>,
+    rigid_modes_hz: [f64; 6],
+    coordinates: Vec<String>,
+    equation_of_motion: Equation,
+    #[serde(skip)]
+    reach: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Mode {
+    hz: f64,
+    /// Per body: translation, m, and rotation, rad, of its centre of gravity;
+    /// mass-normalised.
+    shape: Vec<BodyShape>,
+    /// The same shape in q_d, m.
+    deformations: Vec<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct BodyShape {
+    body: String,
+    motion: Vec<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct Equation {
+    mass: Rows,
+    damping: Rows,
+    stiffness: Rows,
+    rheonomic: Rows,
+    input: Rows,
+}
+
+impl Modes {
+    /// Of a study.
+    pub fn new(study: &Study) -> Self {
+        let machine = &study.machine;
+        let modes = study.model.modes();
+        let equation = study.model.equation_of_motion(machine.modal_damping);
+        let deformations = &study.model.coordinates * &modes.shapes;
+        Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            modes: modes
+                .hertz()
+                .into_iter()
+                .enumerate()
+                .map(|(i, hz)| Mode {
+                    hz,
+                    shape: machine
+                        .bodies
+                        .iter()
+                        .enumerate()
+                        .map(|(b, body)| BodyShape {
+                            body: body.name.clone(),
+                            motion: modes
+                                .shapes
+                                .column(i)
+                                .rows(6 * b, 6)
+                                .iter()
+                                .copied()
+                                .collect(),
+                        })
+                        .collect(),
+                    deformations: deformations.column(i).iter().copied().collect(),
+                })
+                .collect(),
+            rigid_modes_hz: study.design.hertz(),
+            coordinates: machine
+                .coordinates
+                .iter()
+                .map(|d| machine.deformation_name(*d))
+                .collect(),
+            equation_of_motion: Equation {
+                mass: rows(&equation.mass),
+                damping: rows(&equation.damping),
+                stiffness: rows(&equation.stiffness),
+                rheonomic: rows(&equation.rheonomic),
+                input: rows(&equation.input),
+            },
+            reach: reach(machine),
+        }
+    }
+}
+
+impl Display for Modes {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "Modes of {}", self.machine)?;
+        writeln!(
+            f,
+            "  Shapes: x, y, z of each centre of gravity, then rotations times {:.2} m; largest 1.",
+            self.reach
+        )?;
+        write!(f, "   #        Hz")?;
+        for shape in self.modes.first().map_or(&[][..], |mode| &mode.shape) {
+            write!(f, "   {:<36}", shape.body)?;
+        }
+        writeln!(f)?;
+        for (i, mode) in self.modes.iter().enumerate() {
+            write!(f, "  {:>2} {:>9.3}", i + 1, mode.hz)?;
+            let scaled = |motion: &[f64]| -> Vec<f64> {
+                let scale = |(j, x): (usize, &f64)| if j < 3 { *x } else { x * self.reach };
+                motion.iter().enumerate().map(scale).collect()
+            };
+            let largest = mode
+                .shape
+                .iter()
+                .flat_map(|shape| scaled(&shape.motion))
+                .fold(0.0, |a: f64, x| a.max(x.abs()));
+            for shape in &mode.shape {
+                write!(f, "   ")?;
+                for x in scaled(&shape.motion) {
+                    // Adding zero turns −0.00 into 0.00.
+                    write!(f, "{:>6.2}", (100.0 * x / largest).round() / 100.0 + 0.0)?;
+                }
+            }
+            writeln!(f)?;
+        }
+        write!(f, "  All bodies as one rigid body, Hz:")?;
+        for hz in self.rigid_modes_hz {
+            write!(f, " {hz:.3}")?;
+        }
+        writeln!(f)
+    }
+}
+
+/// `host-gen gains`.
+#[derive(Debug, Serialize)]
+pub struct Gains {
+    machine: String,
+    model_sha256: String,
+    feedback: &'static str,
+    frequency_hz: f64,
+    damping: f64,
+    sensors: Vec<String>,
+    actuators: Vec<String>,
+    rigid_modes_hz: [f64; 6],
+    mass: Rows,
+    stiffness: Rows,
+    rheonomic: Rows,
+    sensing: Rows,
+    modal: Rows,
+    proportional: Rows,
+    integral: Rows,
+    ideal_poles_rigid: Vec<Pole>,
+    ideal_poles_flexible: Vec<Pole>,
+}
+
+#[derive(Debug, Serialize)]
+struct Pole {
+    re: f64,
+    im: f64,
+    hz: f64,
+    damping: f64,
+}
+
+impl From<Complex<f64>> for Pole {
+    fn from(s: Complex<f64>) -> Self {
+        Self {
+            re: s.re,
+            im: s.im,
+            hz: s.norm() / core::f64::consts::TAU,
+            damping: -s.re / s.norm(),
+        }
+    }
+}
+
+impl Gains {
+    /// Of a study.
+    pub fn new(study: &Study) -> Self {
+        let machine = &study.machine;
+        let design = &study.design;
+        let poles = |plant: &Plant| {
+            // Empty where the iteration did not end; the text then says so.
+            let poles = ideal_poles(plant, &study.gains).unwrap_or_default();
+            poles.into_iter().map(Pole::from).collect()
+        };
+        let beam = |i: &usize| machine.beams[*i].name.clone();
+        Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            feedback: feedback_name(design.feedback),
+            frequency_hz: machine.target.frequency,
+            damping: machine.target.damping,
+            sensors: match design.feedback {
+                Feedback::Acceleration => machine
+                    .accelerometers
+                    .iter()
+                    .flatten()
+                    .map(|sensor| sensor.name.clone())
+                    .collect(),
+                Feedback::Force => machine.force_sensors.iter().flatten().map(beam).collect(),
+            },
+            actuators: machine.actuators.iter().map(beam).collect(),
+            rigid_modes_hz: design.hertz(),
+            mass: rows(&design.rigid.mass),
+            stiffness: rows(&design.rigid.stiffness),
+            rheonomic: rows(&design.rigid.rheonomic),
+            sensing: rows(&design.sensing),
+            modal: rows(&design.modal),
+            proportional: rows(&study.gains.proportional),
+            integral: rows(&study.gains.integral),
+            ideal_poles_rigid: poles(&Plant::of_design(design)),
+            ideal_poles_flexible: poles(&study.plant.plant),
+        }
+    }
+
+    fn write_gains(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let (p, i) = if self.feedback == "force" {
+            ("K_P (Eq. 22)", "K_I, 1/s (Eq. 22)")
+        } else {
+            ("K_a, N/(m/s²) (Eq. 19)", "K_v, N/(m/s) (Eq. 20)")
+        };
+        writeln!(
+            f,
+            "Gains for {} feedback, {} Hz, damping {}",
+            self.feedback, self.frequency_hz, self.damping
+        )?;
+        writeln!(f, "  columns: {}", self.sensors.join(" "))?;
+        writeln!(f, "  rows:    {}", self.actuators.join(" "))?;
+        write_rows(f, &format!("  {p}"), &self.proportional)?;
+        write_rows(f, &format!("  {i}"), &self.integral)
+    }
+}
+
+fn write_poles(f: &mut Formatter<'_>, title: &str, poles: &[Pole]) -> fmt::Result {
+    writeln!(f, "{title}")?;
+    if poles.is_empty() {
+        writeln!(f, "    not found: the eigenvalue iteration did not end")?;
+    }
+    // One of each conjugate pair.
+    for pole in poles.iter().filter(|pole| pole.im >= 0.0) {
+        writeln!(f, "  {:>10.4} Hz  damping {:>8.4}", pole.hz, pole.damping)?;
+    }
+    Ok(())
+}
+
+impl Display for Gains {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "Design model of {}: all bodies as one rigid body",
+            self.machine
+        )?;
+        write_rows(f, "  M_d, kg (Eq. 13)", &self.mass)?;
+        write_rows(f, "  K_d, N/m (Eq. 13)", &self.stiffness)?;
+        write_rows(f, "  T_c (Eq. 15)", &self.sensing)?;
+        write_rows(f, "  S, 1/√kg (Eq. 17)", &self.modal)?;
+        self.write_gains(f)?;
+        write_poles(
+            f,
+            "  Ideal loop on the design model:",
+            &self.ideal_poles_rigid,
+        )?;
+        write_poles(
+            f,
+            "  Ideal loop on the flexible machine:",
+            &self.ideal_poles_flexible,
+        )
+    }
+}
+
+/// `host-gen simulate`.
+#[derive(Debug, Serialize)]
+pub struct Simulated {
+    machine: String,
+    model_sha256: String,
+    roll_off: RollOff,
+    simulation: Comparison,
+}
+
+impl Simulated {
+    /// Of a study's loop.
+    pub fn new(study: &Study, roll_off: RollOff, simulation: Comparison) -> Self {
+        Self {
+            machine: study.machine.name.clone(),
+            model_sha256: digest(&study.machine),
+            roll_off,
+            simulation,
+        }
+    }
+}
+
+impl Display for Simulated {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "Loop of {}", self.machine)?;
+        write_roll_off(f, &self.roll_off)?;
+        write_simulation(f, &self.simulation)
+    }
+}
+
+fn write_roll_off(f: &mut Formatter<'_>, r: &RollOff) -> fmt::Result {
+    writeln!(f, "Roll-off on the sampled, delayed loop")?;
+    writeln!(
+        f,
+        "  low-pass {} Hz, AC coupling {} Hz (second order), leak {} Hz",
+        r.corner_hz, r.ac_coupling_hz, r.leak_hz
+    )?;
+    writeln!(
+        f,
+        "  stable; peak sensitivity {:.3} at {:.0} Hz, slowest pole {:.3} 1/s",
+        r.peak_sensitivity.value, r.peak_sensitivity.at, r.slowest_decay
+    )?;
+    writeln!(
+        f,
+        "  isolates from {:.2} Hz (ideal loop: from {:.2} Hz)",
+        r.isolation_from_hz, r.isolation_from_ideal_hz
+    )?;
+    if !r.bands.is_empty() {
+        writeln!(
+            f,
+            "  Highest peak of σ_max(G11), dB:      open     ideal   sampled   cost of sampling"
+        )?;
+    }
+    for band in &r.bands {
+        writeln!(
+            f,
+            "    {:<12} {:>5}–{:<5} Hz       {:>8.1}  {:>8.1}  {:>8.1}   {:>8.1}",
+            band.name,
+            band.low_hz,
+            band.high_hz,
+            band.open_db,
+            band.ideal_db,
+            band.sampled_db,
+            band.sampled_db - band.ideal_db
+        )?;
+    }
+    Ok(())
+}
+
+fn write_simulation(f: &mut Formatter<'_>, s: &Comparison) -> fmt::Result {
+    writeln!(
+        f,
+        "Software in the loop: {} s on a floor of {:.1e} m/s² rms, {} to {} Hz, seed {}",
+        s.duration_s, s.floor_rms, s.floor_band_hz[0], s.floor_band_hz[1], s.seed
+    )?;
+    writeln!(
+        f,
+        "  m/s²              rms open  rms closed   peak open peak closed  rms, dB"
+    )?;
+    for (i, name) in s.outputs.iter().enumerate() {
+        writeln!(
+            f,
+            "  {:<14} {:>11.3e} {:>11.3e} {:>11.3e} {:>11.3e}  {:>7.1}",
+            name,
+            s.open.rms[i],
+            s.closed.rms[i],
+            s.open.peak[i],
+            s.closed.peak[i],
+            20.0 * (s.closed.rms[i] / s.open.rms[i]).log10()
+        )?;
+    }
+    writeln!(
+        f,
+        "  largest leg force {:.1} N; clamp active in {}, sensor at a rail in {} of {} steps",
+        s.closed.force_peak, s.closed.clamped_steps, s.closed.railed_steps, s.closed.steps
+    )
+}
+
+/// `host-gen generate`.
+#[derive(Debug, Serialize)]
+pub struct Generated {
+    machine: String,
+    model_sha256: String,
+    modes: Modes,
+    gains: Gains,
+    roll_off: RollOff,
+    table: String,
+    simulation: Comparison,
+    not_published: Vec<Statement>,
+}
+
+#[derive(Debug, Serialize)]
+struct Statement {
+    kind: &'static str,
+    entries: Vec<String>,
+    from: String,
+}
+
+impl Generated {
+    /// Of a study whose table was written to `table`.
+    pub fn new(study: &Study, roll_off: RollOff, table: String, simulation: Comparison) -> Self {
+        let machine = &study.machine;
+        Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            modes: Modes::new(study),
+            gains: Gains::new(study),
+            roll_off,
+            table,
+            simulation,
+            not_published: machine
+                .provenance
+                .iter()
+                .filter_map(|p| {
+                    let kind = match p.kind {
+                        Certainty::Published => return None,
+                        Certainty::Reconstructed => "reconstructed",
+                        Certainty::Assumed => "assumed",
+                    };
+                    Some(Statement {
+                        kind,
+                        entries: p.entries.clone(),
+                        from: p.from.clone(),
+                    })
+                })
+                .collect(),
+        }
+    }
+}
+
+impl Display for Generated {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.modes)?;
+        self.gains.write_gains(f)?;
+        writeln!(f)?;
+        write_roll_off(f, &self.roll_off)?;
+        writeln!(f)?;
+        write_simulation(f, &self.simulation)?;
+        if !self.not_published.is_empty() {
+            writeln!(f, "\nNot published, but reconstructed or assumed")?;
+        }
+        for statement in &self.not_published {
+            writeln!(
+                f,
+                "  {:<14} {}\n{:17}{}",
+                statement.kind,
+                statement.entries.join(", "),
+                "",
+                statement.from
+            )?;
+        }
+        writeln!(f, "\nTable written to {}", self.table)
+    }
+}
+
+fn feedback_name(feedback: Feedback) -> &'static str {
+    match feedback {
+        Feedback::Acceleration => "acceleration",
+        Feedback::Force => "force",
+    }
+}
+
+fn digest(machine: &Machine) -> String {
+    use std::fmt::Write as _;
+    let mut text = String::new();
+    for byte in machine.digest.0 {
+        // Writing to a String cannot fail.
+        write!(text, "{byte:02x}").unwrap_or_default();
+    }
+    text
+}

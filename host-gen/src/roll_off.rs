@@ -1,0 +1,406 @@
+//! The roll-off that the sampled loop bears.
+//!
+//! Above the suspension modes the ideal loop gain is a constant of several
+//! hundred, which no delay allows. One first-order low-pass, common to all
+//! channels, takes it down; the highest corner for which the true sampled loop
+//! is stable with the asked peak sensitivity is the nearest to the ideal.
+
+use nalgebra::Complex;
+use serde::Serialize;
+use shared::LEGS;
+use shared::table::{TableError, ValidTable};
+
+use crate::closed_loop::{
+    LinearLaw, LoopGrid, PeakSensitivity, SampledLoop, corner, grid, ideal_response, modal_peaks,
+    pole_peaks, stable,
+};
+use crate::design::{Design, Gains, ideal_poles};
+use crate::machine::{Machine, Target};
+use crate::plant::{SampledPlant, largest_singular_value};
+use crate::table;
+
+/// The sampled loop's corner may lie this much above the ideal loop's before
+/// the target counts as missed: half an octave.
+pub const CORNER_SLACK: f64 = core::f64::consts::SQRT_2;
+
+/// The chosen roll-off and what it gives.
+#[derive(Clone, Debug, Serialize)]
+pub struct RollOff {
+    /// Corner of the low-pass, Hz.
+    pub corner_hz: f64,
+    /// Corner of the AC coupling, Hz.
+    pub ac_coupling_hz: f64,
+    /// Corner of the leak, Hz.
+    pub leak_hz: f64,
+    /// Peak sensitivity of the sampled loop.
+    pub peak_sensitivity: PeakSensitivity,
+    /// Above this the machine does not follow the floor: ideal loop, Hz.
+    pub isolation_from_ideal_hz: f64,
+    /// The same for the sampled loop, Hz.
+    pub isolation_from_hz: f64,
+    /// The slowest pole of the sampled loop, 1/s; negative.
+    pub slowest_decay: f64,
+    /// Peaks of σ_max(G11).
+    pub bands: Vec<Band>,
+}
+
+/// The highest peak of σ_max(G11) in a band.
+#[derive(Clone, Debug, Serialize)]
+pub struct Band {
+    /// Name.
+    pub name: String,
+    /// Hz.
+    pub low_hz: f64,
+    /// Hz.
+    pub high_hz: f64,
+    /// Without control, dB.
+    pub open_db: f64,
+    /// Under the unsampled, undelayed law, dB; not a number where that loop is
+    /// unstable.
+    pub ideal_db: f64,
+    /// As sampled on the board, dB.
+    pub sampled_db: f64,
+}
+
+/// Why there is no roll-off.
+#[derive(Debug, thiserror::Error)]
+pub enum RollOffError {
+    /// The board's numbers make no table.
+    #[error("the board's numbers make no table: {0}")]
+    Table(#[from] TableError),
+    /// No corner does it.
+    #[error(
+        "the target of {asked:.3} Hz with damping {damping} cannot be reached on this board: {reason}. {nearest}"
+    )]
+    Unreachable {
+        /// ω_n/2π, Hz.
+        asked: f64,
+        /// ζ_n.
+        damping: f64,
+        /// What stands against it.
+        reason: String,
+        /// The nearest frequency that can be reached, as advice.
+        nearest: Nearest,
+    },
+    /// The eigenvalue iteration did not end.
+    #[error(
+        "the closed loop's eigenvalues could not be found; the machine's numbers lie too far apart"
+    )]
+    Eigenvalues,
+}
+
+/// The nearest target frequency that can be reached.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Nearest {
+    /// Hz.
+    At(f64),
+    /// There is none below the highest suspension mode.
+    None,
+}
+
+impl core::fmt::Display for Nearest {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::At(hz) => write!(
+                f,
+                "Nearest that can, with the same damping: control.frequency = {hz}. A shorter delay (board.sample_rate, conversion_delay, output_delay) or a higher control.max_sensitivity also helps"
+            ),
+            Self::None => f.write_str(
+                "No frequency below the suspension modes can be reached with this damping: shorten the delay (board.sample_rate, conversion_delay, output_delay) or raise control.max_sensitivity",
+            ),
+        }
+    }
+}
+
+/// What one target comes to.
+struct Found {
+    target: Target,
+    gains: Gains,
+    corner_hz: f64,
+    table: ValidTable,
+    poles: Vec<Complex<f64>>,
+    ideal_poles: Vec<Complex<f64>>,
+    isolation_from_hz: f64,
+    isolation_from_ideal_hz: f64,
+    peak_sensitivity: PeakSensitivity,
+}
+
+/// Why one target comes to nothing.
+enum Miss {
+    Error(RollOffError),
+    /// No corner is stable with the asked sensitivity.
+    Unstable,
+    /// The highest corner isolates only from `sampled` Hz, the ideal loop from
+    /// `ideal` Hz.
+    Late {
+        ideal: f64,
+        sampled: f64,
+    },
+}
+
+impl From<TableError> for Miss {
+    fn from(error: TableError) -> Self {
+        Self::Error(error.into())
+    }
+}
+
+/// Chooses the roll-off for the machine's target and gives the table.
+///
+/// # Errors
+/// Where no roll-off reaches the target, with the nearest that one reaches.
+pub fn choose(
+    machine: &Machine,
+    design: &Design,
+    plant: &SampledPlant,
+) -> Result<(ValidTable, RollOff), RollOffError> {
+    let search = Search {
+        machine,
+        design,
+        plant,
+    };
+    let target = machine.target;
+    let delay = 1e6 * machine.board.whole_delay();
+    let reason = match search.reach(target) {
+        Ok(found) => return Ok((found.table, search.describe(&found))),
+        Err(Miss::Error(error)) => return Err(error),
+        Err(Miss::Late { ideal, sampled }) => format!(
+            "the highest roll-off that {delay:.0} µs of delay allows isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz"
+        ),
+        Err(Miss::Unstable) => format!(
+            "with {delay:.0} µs of delay no roll-off keeps the sampled loop stable with a peak sensitivity of {}",
+            target.max_sensitivity
+        ),
+    };
+    Err(RollOffError::Unreachable {
+        asked: target.frequency,
+        damping: target.damping,
+        reason,
+        nearest: search.nearest()?,
+    })
+}
+
+/// A machine with what a trial needs.
+struct Search<'a> {
+    machine: &'a Machine,
+    design: &'a Design,
+    plant: &'a SampledPlant,
+}
+
+impl Search<'_> {
+    /// The highest corner for `target`, if the target can be reached.
+    fn reach(&self, target: Target) -> Result<Found, Miss> {
+        let unsolved = || Miss::Error(RollOffError::Eigenvalues);
+        let gains = self.design.gains(&target);
+        let loops = LoopGrid::new(self.plant, &self.design.modal, LOWEST * target.frequency);
+        let (corner_hz, table, poles, peak_sensitivity) =
+            self.highest_corner(&target, &gains, &loops)?;
+        let ideal_poles = ideal_poles(&self.plant.plant, &gains).ok_or_else(unsolved)?;
+
+        let low = 0.1 * target.frequency;
+        let high = 3.0 * self.design.hertz()[LEGS - 1].max(target.frequency);
+        let sampled = self.closed(&table);
+        let plant = &self.plant.plant;
+        let isolation_from_hz = corner(low, high, &pole_peaks(&poles), |hz| sampled.close(hz).1);
+        let isolation_from_ideal_hz = corner(low, high, &pole_peaks(&ideal_poles), |hz| {
+            let law = ideal_response(&gains, hz);
+            plant.response(hz).close(plant, Some(&law)).1
+        });
+        if isolation_from_hz > CORNER_SLACK * isolation_from_ideal_hz {
+            return Err(Miss::Late {
+                ideal: isolation_from_ideal_hz,
+                sampled: isolation_from_hz,
+            });
+        }
+        Ok(Found {
+            target,
+            gains,
+            corner_hz,
+            table,
+            poles,
+            ideal_poles,
+            isolation_from_hz,
+            isolation_from_ideal_hz,
+            peak_sensitivity,
+        })
+    }
+
+    fn closed(&self, table: &ValidTable) -> SampledLoop<'_> {
+        SampledLoop {
+            plant: self.plant,
+            law: LinearLaw::new(table),
+        }
+    }
+
+    /// Table and poles with a roll-off at `hz`, if that loop is stable and its
+    /// sensitivity within the bound.
+    fn try_corner(
+        &self,
+        target: &Target,
+        gains: &Gains,
+        loops: &LoopGrid,
+        hz: f64,
+    ) -> Result<Option<(ValidTable, Vec<Complex<f64>>)>, Miss> {
+        let table = table::build(self.machine, target, gains, hz)?;
+        let closed = self.closed(&table);
+        // The bound first: it is much the cheaper.
+        if !loops.within(&closed.law, target.max_sensitivity) {
+            return Ok(None);
+        }
+        let poles = closed
+            .poles()
+            .ok_or(Miss::Error(RollOffError::Eigenvalues))?;
+        Ok(stable(&poles).then_some((table, poles)))
+    }
+
+    /// Scans down for the first corner that holds, bisects up from it, and
+    /// rounds.
+    fn highest_corner(
+        &self,
+        target: &Target,
+        gains: &Gains,
+        loops: &LoopGrid,
+    ) -> Result<(f64, ValidTable, Vec<Complex<f64>>, PeakSensitivity), Miss> {
+        let holds = |hz: f64| self.try_corner(target, gains, loops, hz);
+        let mut above = 0.25 / self.plant.period;
+        let mut below = above;
+        while holds(below)?.is_none() {
+            above = below;
+            below /= SCAN;
+            if below < LOWEST * target.frequency {
+                return Err(Miss::Unstable);
+            }
+        }
+        while above > 1.001 * below {
+            let middle = (above * below).sqrt();
+            if holds(middle)?.is_some() {
+                below = middle;
+            } else {
+                above = middle;
+            }
+        }
+        // The grid may miss the very top of a peak; one or two steps down
+        // make up for that.
+        let mut corner = round_down(below);
+        while corner > LOWEST * target.frequency {
+            if let Some((table, poles)) = holds(corner)? {
+                let peak = loops.peak(self.plant, &LinearLaw::new(&table));
+                if peak.value <= target.max_sensitivity {
+                    return Ok((corner, table, poles, peak));
+                }
+            }
+            corner = round_down(0.999 * corner);
+        }
+        Err(Miss::Unstable)
+    }
+
+    /// The lowest target frequency above the asked one that can be reached.
+    fn nearest(&self) -> Result<Nearest, RollOffError> {
+        let reaches = |frequency: f64| {
+            let target = Target {
+                frequency,
+                ..self.machine.target
+            };
+            match self.reach(target) {
+                Ok(_) => Ok(true),
+                Err(Miss::Error(error)) => Err(error),
+                Err(_) => Ok(false),
+            }
+        };
+        let mut below = self.machine.target.frequency;
+        let mut above = below;
+        loop {
+            above *= SCAN;
+            if above > self.design.hertz()[LEGS - 1] {
+                return Ok(Nearest::None);
+            }
+            if reaches(above)? {
+                break;
+            }
+            below = above;
+        }
+        while above > 1.02 * below {
+            let middle = (above * below).sqrt();
+            if reaches(middle)? {
+                above = middle;
+            } else {
+                below = middle;
+            }
+        }
+        let rounded = round_up(above);
+        Ok(Nearest::At(if reaches(rounded)? { rounded } else { above }))
+    }
+
+    fn describe(&self, found: &Found) -> RollOff {
+        let closed = self.closed(&found.table);
+        let slowest = found.poles.iter().map(|s| s.re).fold(f64::MIN, f64::max);
+        RollOff {
+            corner_hz: found.corner_hz,
+            ac_coupling_hz: table::AC_COUPLING * found.target.frequency,
+            leak_hz: table::LEAK * found.target.frequency,
+            peak_sensitivity: found.peak_sensitivity,
+            isolation_from_ideal_hz: found.isolation_from_ideal_hz,
+            isolation_from_hz: found.isolation_from_hz,
+            slowest_decay: slowest,
+            bands: self.bands(found, &closed),
+        }
+    }
+
+    fn bands(&self, found: &Found, closed: &SampledLoop<'_>) -> Vec<Band> {
+        let plant = &self.plant.plant;
+        let peak = |low: f64, high: f64, peaks: &[(f64, f64)], law: &dyn Fn(f64) -> f64| {
+            let highest = grid(low, high, 300, peaks)
+                .into_iter()
+                .map(law)
+                .fold(0.0, f64::max);
+            20.0 * highest.log10()
+        };
+        self.machine
+            .bands
+            .iter()
+            .map(|(name, low, high)| Band {
+                name: name.clone(),
+                low_hz: *low,
+                high_hz: *high,
+                open_db: peak(*low, *high, &modal_peaks(plant), &|hz| {
+                    largest_singular_value(&plant.response(hz).floor_to_performance)
+                }),
+                ideal_db: if stable(&found.ideal_poles) {
+                    peak(*low, *high, &pole_peaks(&found.ideal_poles), &|hz| {
+                        let law = ideal_response(&found.gains, hz);
+                        largest_singular_value(&plant.response(hz).close(plant, Some(&law)).0)
+                    })
+                } else {
+                    f64::NAN
+                },
+                sampled_db: peak(*low, *high, &pole_peaks(&found.poles), &|hz| {
+                    largest_singular_value(&closed.close(hz).0)
+                }),
+            })
+            .collect()
+    }
+}
+
+/// The search's step in frequency.
+const SCAN: f64 = 1.25;
+
+/// A roll-off below this part of the target frequency leaves nothing of the
+/// law; frequencies below it are not looked at either.
+const LOWEST: f64 = 0.02;
+
+/// Two significant digits, upward: advice that still holds after rounding.
+fn round_up(x: f64) -> f64 {
+    let unit = 10f64.powf(x.log10().floor() - 1.0);
+    nearest_decimal((x / unit).ceil() * unit)
+}
+
+/// Three significant digits, downward: the table then does not hang on the
+/// last bits of a search.
+fn round_down(x: f64) -> f64 {
+    let unit = 10f64.powf(x.log10().floor() - 2.0);
+    nearest_decimal((x / unit).floor() * unit)
+}
+
+/// 1.3 for 1.3000000000000003.
+fn nearest_decimal(x: f64) -> f64 {
+    format!("{x:.6e}").parse().unwrap_or(x)
+}

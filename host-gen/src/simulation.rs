@@ -1,0 +1,342 @@
+//! The loop in time: sampled plant, converters with noise, and the very step
+//! that the firmware runs.
+
+use std::collections::VecDeque;
+
+use nalgebra::{DMatrix, DVector, MatrixXx6, Vector6};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::Serialize;
+use shared::LEGS;
+use shared::codes::{AdcCode, DacCode, LegForces};
+use shared::step::{State, step};
+use shared::table::ValidTable;
+
+use crate::machine::{Board, Simulation};
+use crate::plant::{Outputs, SampledPlant};
+
+/// White noise, then two second-order Butterworth filters at the band's ends.
+struct BandNoise {
+    filters: [Biquad; 2],
+    states: [[[f64; 2]; 2]; LEGS],
+    scale: f64,
+    random: ChaCha8Rng,
+}
+
+/// A second-order section, transposed direct form II.
+#[derive(Clone, Copy)]
+struct Biquad {
+    b: [f64; 3],
+    a: [f64; 2],
+}
+
+impl Biquad {
+    /// Butterworth by the bilinear transform, its corner at `hz` exact.
+    fn butterworth(hz: f64, period: f64, high_pass: bool) -> Self {
+        let k = (core::f64::consts::PI * hz * period).tan();
+        let norm = 1.0 / (1.0 + core::f64::consts::SQRT_2 * k + k * k);
+        let b0 = if high_pass { norm } else { k * k * norm };
+        Self {
+            b: [b0, if high_pass { -2.0 * b0 } else { 2.0 * b0 }, b0],
+            a: [
+                2.0 * (k * k - 1.0) * norm,
+                (1.0 - core::f64::consts::SQRT_2 * k + k * k) * norm,
+            ],
+        }
+    }
+
+    fn step(&self, state: &mut [f64; 2], x: f64) -> f64 {
+        let y = self.b[0] * x + state[0];
+        state[0] = self.b[1] * x - self.a[0] * y + state[1];
+        state[1] = self.b[2] * x - self.a[1] * y;
+        y
+    }
+}
+
+impl BandNoise {
+    fn new(settings: &Simulation, period: f64, random: ChaCha8Rng) -> Self {
+        let [low, high] = settings.floor_band;
+        let filters = [
+            Biquad::butterworth(low, period, true),
+            Biquad::butterworth(high, period, false),
+        ];
+        // White noise comes out with the root of the impulse response's energy;
+        // three periods of the slow corner hold all of it.
+        let mut states = [[0.0; 2]; 2];
+        let mut energy = 0.0;
+        for k in 0..(3.0 / (low * period)).ceil() as usize {
+            let mut x = if k == 0 { 1.0 } else { 0.0 };
+            for (filter, state) in filters.iter().zip(&mut states) {
+                x = filter.step(state, x);
+            }
+            energy += x * x;
+        }
+        Self {
+            filters,
+            states: [[[0.0; 2]; 2]; LEGS],
+            scale: settings.floor_rms / energy.sqrt(),
+            random,
+        }
+    }
+
+    fn sample(&mut self) -> Vector6<f64> {
+        Vector6::from_fn(|i, _| {
+            let white: f64 = StandardNormal.sample(&mut self.random);
+            let mut x = white * self.scale;
+            for (filter, state) in self.filters.iter().zip(&mut self.states[i]) {
+                x = filter.step(state, x);
+            }
+            x
+        })
+    }
+}
+
+/// Outputs from the state (z then ż of every mode) and the inputs.
+struct OutputMap {
+    state: DMatrix<f64>,
+    floor: MatrixXx6<f64>,
+    force: MatrixXx6<f64>,
+}
+
+impl OutputMap {
+    fn new(plant: &SampledPlant, out: &Outputs) -> Self {
+        let model = &plant.plant;
+        let n = model.omega.len();
+        let mut state = DMatrix::zeros(out.len(), 2 * n);
+        for i in 0..n {
+            let w = model.omega[i];
+            let acceleration = out.acceleration.column(i);
+            state
+                .column_mut(i)
+                .copy_from(&(out.displacement.column(i) - acceleration * (w * w)));
+            state
+                .column_mut(n + i)
+                .copy_from(&(acceleration * (-2.0 * model.damping * w)));
+        }
+        Self {
+            state,
+            floor: &out.acceleration * &model.floor + &out.floor,
+            force: &out.acceleration * &model.actuators + &out.actuators,
+        }
+    }
+
+    fn evaluate(
+        &self,
+        x: &DVector<f64>,
+        floor: &Vector6<f64>,
+        force: &Vector6<f64>,
+    ) -> DVector<f64> {
+        let mut y = &self.state * x;
+        y.gemv(1.0, &self.floor, floor, 1.0);
+        y.gemv(1.0, &self.force, force, 1.0);
+        y
+    }
+}
+
+/// The machine with its converters: takes DAC codes, gives ADC codes.
+pub struct Rig {
+    plant: SampledPlant,
+    board: Board,
+    sensors: OutputMap,
+    performance: OutputMap,
+    /// z of every mode, then ż.
+    state: DVector<f64>,
+    /// Forces latched or on their way, the latest first.
+    forces: VecDeque<Vector6<f64>>,
+    floor_noise: BandNoise,
+    sensor_noise: ChaCha8Rng,
+    output_noise: ChaCha8Rng,
+    floor: Vector6<f64>,
+    /// Scales the floor from here on; 1 at first.
+    pub floor_gain: f64,
+}
+
+impl Rig {
+    /// At rest, with the floor noise and seed of `settings`.
+    pub fn new(plant: SampledPlant, board: &Board, settings: &Simulation) -> Self {
+        let stream = |number| {
+            let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
+            random.set_stream(number);
+            random
+        };
+        Self {
+            sensors: OutputMap::new(&plant, &plant.plant.sensors),
+            performance: OutputMap::new(&plant, &plant.plant.performance),
+            state: DVector::zeros(2 * plant.plant.omega.len()),
+            forces: vec![Vector6::zeros(); plant.seen_delay() + 1].into(),
+            floor_noise: BandNoise::new(settings, plant.period, stream(0)),
+            sensor_noise: stream(1),
+            output_noise: stream(2),
+            floor: Vector6::zeros(),
+            floor_gain: 1.0,
+            board: *board,
+            plant,
+        }
+    }
+
+    /// The plant inside.
+    pub fn plant(&self) -> &SampledPlant {
+        &self.plant
+    }
+
+    /// The next sampling instant: the codes the ADC gives, and the performance
+    /// accelerations, m/s².
+    pub fn sample(&mut self) -> ([AdcCode; LEGS], DVector<f64>) {
+        self.floor = self.floor_noise.sample() * self.floor_gain;
+        let seen = self.forces[self.plant.whole_periods];
+        let y = self.sensors.evaluate(&self.state, &self.floor, &seen);
+        let board = &self.board;
+        // White noise of that density up to half the sample rate.
+        let noise = board.sensor.noise_density * (0.5 * board.sample_rate).sqrt();
+        let codes = core::array::from_fn(|i| {
+            let mut normal = || -> f64 { StandardNormal.sample(&mut self.sensor_noise) };
+            let volts = (y[i] + noise * normal()) * board.sensor.sensitivity
+                + board.sensor.offset
+                + board.adc_noise * normal();
+            board.adc.code(volts)
+        });
+        let performance = self.performance.evaluate(&self.state, &self.floor, &seen);
+        (codes, performance)
+    }
+
+    /// Latches `dac` in its turn and lets the period pass.
+    pub fn advance(&mut self, dac: [DacCode; LEGS]) {
+        let board = &self.board;
+        let force = Vector6::from_fn(|i, _| {
+            let normal: f64 = StandardNormal.sample(&mut self.output_noise);
+            board.dac.force(dac[i], board.actuator_gain)
+                + board.dac_noise * normal * board.actuator_gain
+        });
+        self.forces.pop_back();
+        self.forces.push_front(force);
+        let model = &self.plant.plant;
+        let n = model.omega.len();
+        let late = self.plant.whole_periods;
+        let floor = &model.floor * self.floor;
+        let after = &model.actuators * self.forces[late];
+        let before = &model.actuators * self.forces[late + 1];
+        for (i, mode) in self.plant.modes.iter().enumerate() {
+            let now = nalgebra::Vector2::new(self.state[i], self.state[n + i]);
+            let next = mode.transition * now
+                + mode.whole * floor[i]
+                + mode.after * after[i]
+                + mode.before * before[i];
+            self.state[i] = next[0];
+            self.state[n + i] = next[1];
+        }
+    }
+}
+
+/// What one run showed.
+#[derive(Clone, Debug, Serialize)]
+pub struct Run {
+    /// rms of each performance output, m/s².
+    pub rms: Vec<f64>,
+    /// Largest magnitude of each, m/s².
+    pub peak: Vec<f64>,
+    /// Largest force asked of any leg, N.
+    pub force_peak: f64,
+    /// Steps in which the clamp was active.
+    pub clamped_steps: usize,
+    /// Steps in which a sensor was at the end of the ADC's range.
+    pub railed_steps: usize,
+    /// Measured steps.
+    pub steps: usize,
+}
+
+/// Runs the machine over settling and duration of `settings`, under `table` or,
+/// without one, with the outputs at rest.
+pub fn run(
+    plant: &SampledPlant,
+    board: &Board,
+    settings: &Simulation,
+    table: &ValidTable,
+    closed: bool,
+) -> Run {
+    let mut rig = Rig::new(plant.clone(), board, settings);
+    let count = plant.plant.performance.len();
+    let mut run = Run {
+        rms: vec![0.0; count],
+        peak: vec![0.0; count],
+        force_peak: 0.0,
+        clamped_steps: 0,
+        railed_steps: 0,
+        steps: steps(settings.duration, board),
+    };
+    let settling = steps(settings.settling, board);
+    let safe = table.safe_codes();
+    let mut state = None;
+    for k in 0..settling + run.steps {
+        let (adc, performance) = rig.sample();
+        let mut dac = safe;
+        if closed {
+            let state = state.get_or_insert_with(|| State::settled_on(table, adc));
+            let output = step(table, state, adc, LegForces::ZERO);
+            dac = output.dac;
+            if k >= settling {
+                run.clamped_steps += usize::from(output.status.clamped);
+                run.railed_steps += usize::from(output.status.sensors_at_rail != 0);
+            }
+        }
+        if k >= settling {
+            for (i, x) in performance.iter().enumerate() {
+                run.rms[i] += x * x;
+                run.peak[i] = run.peak[i].max(x.abs());
+            }
+            for code in dac {
+                let force = board.dac.force(code, board.actuator_gain);
+                run.force_peak = run.force_peak.max(force.abs());
+            }
+        }
+        rig.advance(dac);
+    }
+    for rms in &mut run.rms {
+        *rms = (*rms / run.steps as f64).sqrt();
+    }
+    run
+}
+
+fn steps(seconds: f64, board: &Board) -> usize {
+    // At least one, so that an rms is defined.
+    ((seconds * board.sample_rate).round() as usize).max(1)
+}
+
+/// The same floor with and without control.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Names of the performance outputs.
+    pub outputs: Vec<String>,
+    /// Measured time, s.
+    pub duration_s: f64,
+    /// rms of each floor input, m/s².
+    pub floor_rms: f64,
+    /// Its band, Hz.
+    pub floor_band_hz: [f64; 2],
+    /// Of the random numbers.
+    pub seed: u64,
+    /// Without control.
+    pub open: Run,
+    /// Under the table.
+    pub closed: Run,
+}
+
+/// Runs open and closed loop under the same floor.
+pub fn compare(
+    plant: &SampledPlant,
+    board: &Board,
+    settings: &Simulation,
+    table: &ValidTable,
+    outputs: Vec<String>,
+) -> Comparison {
+    let [open, closed] = [false, true].map(|closed| run(plant, board, settings, table, closed));
+    Comparison {
+        outputs,
+        duration_s: settings.duration,
+        floor_rms: settings.floor_rms,
+        floor_band_hz: settings.floor_band,
+        seed: settings.seed,
+        open,
+        closed,
+    }
+}

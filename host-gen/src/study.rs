@@ -1,0 +1,45 @@
+//! All stages up to the plant, in one go.
+
+use crate::design::{Design, Gains};
+use crate::machine::{Machine, MachineError};
+use crate::multibody::Multibody;
+use crate::plant::{Plant, SampledPlant};
+use crate::roll_off::{RollOff, RollOffError, choose};
+use shared::table::ValidTable;
+
+/// A machine with its model, its design for the target, and its plant.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// The machine.
+    pub machine: Machine,
+    /// M, K and the coordinates.
+    pub model: Multibody,
+    /// The rigid design model.
+    pub design: Design,
+    /// The ideal gains for the machine's target.
+    pub gains: Gains,
+    /// The flexible plant as the board samples it.
+    pub plant: SampledPlant,
+}
+
+impl Study {
+    /// Runs the stages.
+    pub fn new(machine: Machine) -> Result<Self, MachineError> {
+        let model = Multibody::new(&machine)?;
+        let design = Design::new(&machine, &model, machine.target.feedback)?;
+        let gains = design.gains(&machine.target);
+        let plant = SampledPlant::new(Plant::new(&machine, &model, &design), &machine.board);
+        Ok(Self {
+            machine,
+            model,
+            design,
+            gains,
+            plant,
+        })
+    }
+
+    /// The table with the roll-off that the sampled loop bears.
+    pub fn table(&self) -> Result<(ValidTable, RollOff), RollOffError> {
+        choose(&self.machine, &self.design, &self.plant)
+    }
+}

@@ -1,0 +1,65 @@
+//! The emulated boards: how to build for them and how to start them.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::tools::{TARGET, Tools};
+use crate::{Outcome, cargo, run};
+
+/// An emulated board.
+pub struct Board {
+    /// The emulator's name for it.
+    pub machine: &'static str,
+    /// Its core, for people.
+    pub processor: &'static str,
+    /// Its core, for the compiler.
+    cpu: &'static str,
+}
+
+/// Both boards.
+pub const BOARDS: [Board; 2] = [
+    Board {
+        machine: "mps2-an386",
+        processor: "Cortex-M4F",
+        cpu: "cortex-m4",
+    },
+    Board {
+        machine: "mps2-an500",
+        processor: "Cortex-M7",
+        cpu: "cortex-m7",
+    },
+];
+
+/// Builds the board's binaries; gives the folder they are in.
+pub fn build(board: &Board, tools: &Tools) -> Outcome<PathBuf> {
+    // A folder per board, so that one does not rebuild the other.
+    let folder = Path::new("target").join("boards").join(board.machine);
+    let mut command = cargo();
+    command
+        .args(["build", "--quiet", "--profile", "board"])
+        .args(["--package", "firmware", "--features", "mps2"])
+        .args(["--target", TARGET])
+        .arg("--target-dir")
+        .arg(&folder)
+        // They would take the place of the target's own flags.
+        .env_remove("RUSTFLAGS")
+        .env_remove("CARGO_ENCODED_RUSTFLAGS")
+        .env(
+            "CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUSTFLAGS",
+            format!("-C target-cpu={}", board.cpu),
+        );
+    tools.apply(&mut command);
+    run(&mut command)?;
+    Ok(folder.join(TARGET).join("board"))
+}
+
+/// The emulator with an image loaded, its console on ours.
+pub fn emulator(board: &Board, image: &Path) -> Command {
+    let mut command = Command::new("qemu-system-arm");
+    command
+        .args(["-M", board.machine, "-display", "none", "-monitor", "none"])
+        .args(["-semihosting-config", "enable=on,target=native"])
+        .arg("-kernel")
+        .arg(image);
+    command
+}

@@ -1,0 +1,151 @@
+//! `cargo xtask`: the whole test, processor in the loop, instruction counts.
+#![forbid(unsafe_code)]
+
+mod boards;
+mod tools;
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use clap::{Args, Parser, Subcommand};
+
+use boards::BOARDS;
+use tools::Tools;
+
+/// Every task of the project that is more than one cargo command.
+#[derive(Parser)]
+#[command(arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Every test: host tests, checked-in tables, and the firmware on both
+    /// emulated boards.
+    Test(Setup),
+    /// Processor in the loop: the firmware on emulated boards against the plant
+    /// and the host's own step, code by code.
+    Pil {
+        #[command(flatten)]
+        setup: Setup,
+        /// Samples per board.
+        #[arg(long, default_value_t = SAMPLES)]
+        samples: u32,
+    },
+    /// Instructions per controller step on both emulated boards.
+    Bench(Setup),
+    /// Finds, or installs, what the boards need, and builds their firmware.
+    Build(Setup),
+}
+
+#[derive(Args)]
+struct Setup {
+    /// Install nothing: name the missing packages and stop.
+    #[arg(long)]
+    no_install: bool,
+}
+
+/// Ten seconds of the 20 kHz loop.
+const SAMPLES: u32 = 200_000;
+
+const MODEL: &str = "models/metrology-frame.toml";
+
+/// What went wrong, ready to print.
+type Outcome<T> = Result<T, String>;
+
+fn main() -> ExitCode {
+    // The folder above this package is the project's root, wherever cargo was
+    // called.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
+    let moved = root.map(env::set_current_dir);
+    if !matches!(moved, Some(Ok(()))) {
+        eprintln!("error: the project's folder is gone");
+        return ExitCode::FAILURE;
+    }
+    let outcome = match Cli::parse().task {
+        Task::Test(setup) => test(&setup),
+        Task::Pil { setup, samples } => {
+            Tools::find(!setup.no_install).and_then(|tools| pil(&tools, samples))
+        }
+        Task::Bench(setup) => Tools::find(!setup.no_install).and_then(|tools| bench(&tools)),
+        Task::Build(setup) => Tools::find(!setup.no_install).and_then(|tools| {
+            for board in &BOARDS {
+                boards::build(board, &tools)?;
+            }
+            Ok(())
+        }),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(problem) => {
+            eprintln!("error: {problem}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn test(setup: &Setup) -> Outcome<()> {
+    // First, so that a missing tool is known at once.
+    let tools = Tools::find(!setup.no_install)?;
+    run(cargo().args(["test", "--workspace"]))?;
+    run(cargo().args([
+        "run",
+        "--release",
+        "--package",
+        "host-gen",
+        "--",
+        "check",
+        MODEL,
+    ]))?;
+    pil(&tools, SAMPLES)
+}
+
+fn pil(tools: &Tools, samples: u32) -> Outcome<()> {
+    let mut command = cargo();
+    command.args([
+        "run",
+        "--release",
+        "--package",
+        "tests",
+        "--bin",
+        "pil",
+        "--",
+    ]);
+    command.args(["--model", MODEL, "--samples", &samples.to_string()]);
+    for board in &BOARDS {
+        let image = boards::build(board, tools)?.join("mps2");
+        command.arg("--board").arg(board.machine).arg(image);
+    }
+    run(&mut command)
+}
+
+fn bench(tools: &Tools) -> Outcome<()> {
+    println!("Instructions per call, an empty call taken off:");
+    for board in &BOARDS {
+        let image = boards::build(board, tools)?.join("mps2-bench");
+        println!("{} ({})", board.machine, board.processor);
+        run(boards::emulator(board, &image).args(["-icount", "shift=8", "-serial", "null"]))?;
+    }
+    Ok(())
+}
+
+/// The cargo that runs this.
+fn cargo() -> Command {
+    Command::new(env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from))
+}
+
+/// Runs a command to its end.
+fn run(command: &mut Command) -> Outcome<()> {
+    let program = command.get_program().to_string_lossy().into_owned();
+    let status = command
+        .status()
+        .map_err(|error| format!("{program} cannot be started: {error}"))?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err(format!("{command:?} failed ({status})"))
+    }
+}

@@ -1,0 +1,185 @@
+//! What the boards need beside cargo: a compiler with the target's library or
+//! the library's source, a linker, and the emulator.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::{Outcome, run};
+
+/// The compiler's name for a Cortex-M4F or M7 with hardware floating point.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// The oldest minor version of rustc 1 that builds the firmware; the
+/// workspace's `rust-version`.
+const OLDEST: u32 = 89;
+
+/// Where Debian puts its compiler.
+const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
+
+/// How the firmware is compiled.
+pub struct Tools {
+    compiler: Compiler,
+    /// The linker to name, where the compiler does not bring its own.
+    linker: Option<&'static str>,
+}
+
+enum Compiler {
+    /// The rustc that cargo uses has the target's library.
+    Target,
+    /// A rustc that builds the core library from its source.
+    Source(PathBuf),
+}
+
+impl Tools {
+    /// Finds everything; installs what is missing from Debian's packages if
+    /// `install`, else says which they are.
+    pub fn find(install: bool) -> Outcome<Self> {
+        let mut missing = missing();
+        if !missing.is_empty() {
+            let packages = missing.join(" ");
+            if !install {
+                return Err(format!(
+                    "missing: {packages} (Debian packages). Install them with apt-get install --no-install-recommends {packages}{}, or leave out --no-install",
+                    if missing.contains(&"rustc-web") {
+                        format!(
+                            "; with rustup, `rustup target add {TARGET}` does instead of the rust packages and lld"
+                        )
+                    } else {
+                        String::new()
+                    }
+                ));
+            }
+            println!("installing from Debian: {packages}");
+            apt(&["update", "--quiet"])?;
+            let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
+            arguments.extend(&missing);
+            apt(&arguments)?;
+            missing = self::missing();
+        }
+        match compiler() {
+            Some((compiler, linker)) if missing.is_empty() => {
+                let tools = Self { compiler, linker };
+                println!("boards: {}", tools.describe());
+                Ok(tools)
+            }
+            _ => Err(format!(
+                "still missing after installation: {}",
+                missing.join(" ")
+            )),
+        }
+    }
+
+    fn describe(&self) -> String {
+        let linker = self.linker.unwrap_or("the compiler's own linker");
+        match &self.compiler {
+            Compiler::Target => format!("installed target {TARGET}, {linker}"),
+            Compiler::Source(rustc) => format!(
+                "core library from source with {}, {linker}",
+                version_line(rustc).unwrap_or_else(|| rustc.display().to_string())
+            ),
+        }
+    }
+
+    /// Makes a cargo command build with these.
+    pub fn apply(&self, command: &mut Command) {
+        if let Compiler::Source(rustc) = &self.compiler {
+            command
+                .env("RUSTC", rustc)
+                // Building the core library is a cargo feature that is not
+                // stable.
+                .env("RUSTC_BOOTSTRAP", "1")
+                .arg("-Zbuild-std=core");
+        }
+        if let Some(linker) = self.linker {
+            command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker);
+        }
+    }
+}
+
+/// The Debian packages that would supply what is not here.
+fn missing() -> Vec<&'static str> {
+    let mut packages = Vec::new();
+    match compiler() {
+        None => packages.extend(["rustc-web", "rust-web-src", "lld"]),
+        Some((_, Some(linker))) if !on_path(linker) => packages.push("lld"),
+        Some(_) => {}
+    }
+    if !on_path("qemu-system-arm") {
+        packages.push("qemu-system-arm");
+    }
+    packages
+}
+
+/// The best compiler here: one with the target's library, else one with the
+/// source of it. With it the linker it needs.
+fn compiler() -> Option<(Compiler, Option<&'static str>)> {
+    let usual = env::var_os("RUSTC").map_or_else(|| PathBuf::from("rustc"), PathBuf::from);
+    if let Some(sysroot) = sysroot(&usual) {
+        let library = sysroot.join("lib/rustlib").join(TARGET).join("lib");
+        if library.is_dir() {
+            return Some((Compiler::Target, linker(&sysroot)));
+        }
+    }
+    [usual, PathBuf::from(DEBIAN_RUSTC)]
+        .into_iter()
+        .find_map(|rustc| {
+            let sysroot = sysroot(&rustc)?;
+            let source = sysroot.join("lib/rustlib/src/rust/library/core/Cargo.toml");
+            (source.is_file() && new_enough(&rustc))
+                .then(|| (Compiler::Source(rustc), linker(&sysroot)))
+        })
+}
+
+/// LLVM's linker by name, unless the compiler brings it along.
+fn linker(sysroot: &Path) -> Option<&'static str> {
+    let own = std::fs::read_dir(sysroot.join("lib/rustlib"))
+        .into_iter()
+        .flatten()
+        .flatten()
+        .any(|folder| folder.path().join("bin/rust-lld").is_file());
+    if own { None } else { Some("ld.lld") }
+}
+
+fn sysroot(rustc: &Path) -> Option<PathBuf> {
+    output(rustc, &["--print", "sysroot"]).map(PathBuf::from)
+}
+
+fn version_line(rustc: &Path) -> Option<String> {
+    output(rustc, &["--version"])
+}
+
+fn new_enough(rustc: &Path) -> bool {
+    // "rustc 1.96.0 (…)"
+    version_line(rustc)
+        .and_then(|line| line.split('.').nth(1)?.parse().ok())
+        .is_some_and(|minor: u32| minor >= OLDEST)
+}
+
+fn output(program: &Path, arguments: &[&str]) -> Option<String> {
+    let output = Command::new(program).args(arguments).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
+}
+
+fn on_path(program: &str) -> bool {
+    let path = env::var_os("PATH").unwrap_or_default();
+    env::split_paths(&path).any(|folder| folder.join(program).is_file())
+}
+
+/// apt-get, through sudo for whoever is not root.
+fn apt(arguments: &[&str]) -> Outcome<()> {
+    if !on_path("apt-get") {
+        return Err("there is no apt-get here; see the README for what the boards need".to_owned());
+    }
+    let root = output(Path::new("id"), &["-u"]).as_deref() == Some("0");
+    let mut command = if root {
+        Command::new("apt-get")
+    } else {
+        let mut sudo = Command::new("sudo");
+        sudo.arg("apt-get");
+        sudo
+    };
+    command.env("DEBIAN_FRONTEND", "noninteractive");
+    run(command.args(arguments))
+}
