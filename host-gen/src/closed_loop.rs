@@ -178,7 +178,7 @@ impl LoopGrid {
 fn is_positive_definite(mut m: Six) -> bool {
     for k in 0..LEGS {
         let pivot = m[(k, k)].re;
-        if !(pivot > 0.0) {
+        if pivot.is_nan() || pivot <= 0.0 {
             return false;
         }
         for i in k + 1..LEGS {

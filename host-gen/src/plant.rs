@@ -186,7 +186,7 @@ impl Plant {
             .map(|w| (s * s + s * (2.0 * self.damping * w) + w * w).inv());
         let floor = Modal {
             acceleration: displacement.map(|h| s * s * h),
-            displacement: displacement.clone(),
+            displacement,
         };
         Response::new(self, &floor, &floor, Complex::ONE)
     }

@@ -112,13 +112,18 @@ impl core::fmt::Display for Nearest {
     }
 }
 
+/// A loop with one roll-off that is stable within the bound.
+struct Trial {
+    corner_hz: f64,
+    table: ValidTable,
+    poles: Vec<Complex<f64>>,
+}
+
 /// What one target comes to.
 struct Found {
     target: Target,
     gains: Gains,
-    corner_hz: f64,
-    table: ValidTable,
-    poles: Vec<Complex<f64>>,
+    trial: Trial,
     ideal_poles: Vec<Complex<f64>>,
     isolation_from_hz: f64,
     isolation_from_ideal_hz: f64,
@@ -161,7 +166,7 @@ pub fn choose(
     let target = machine.target;
     let delay = 1e6 * machine.board.whole_delay();
     let reason = match search.reach(target) {
-        Ok(found) => return Ok((found.table, search.describe(&found))),
+        Ok(found) => return Ok((found.trial.table, search.describe(&found))),
         Err(Miss::Error(error)) => return Err(error),
         Err(Miss::Late { ideal, sampled }) => format!(
             "the highest roll-off that {delay:.0} µs of delay allows isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz"
@@ -192,15 +197,16 @@ impl Search<'_> {
         let unsolved = || Miss::Error(RollOffError::Eigenvalues);
         let gains = self.design.gains(&target);
         let loops = LoopGrid::new(self.plant, &self.design.modal, LOWEST * target.frequency);
-        let (corner_hz, table, poles, peak_sensitivity) =
-            self.highest_corner(&target, &gains, &loops)?;
+        let (trial, peak_sensitivity) = self.highest_corner(&target, &gains, &loops)?;
         let ideal_poles = ideal_poles(&self.plant.plant, &gains).ok_or_else(unsolved)?;
 
         let low = 0.1 * target.frequency;
         let high = 3.0 * self.design.hertz()[LEGS - 1].max(target.frequency);
-        let sampled = self.closed(&table);
+        let sampled = self.closed(&trial.table);
         let plant = &self.plant.plant;
-        let isolation_from_hz = corner(low, high, &pole_peaks(&poles), |hz| sampled.close(hz).1);
+        let isolation_from_hz = corner(low, high, &pole_peaks(&trial.poles), |hz| {
+            sampled.close(hz).1
+        });
         let isolation_from_ideal_hz = corner(low, high, &pole_peaks(&ideal_poles), |hz| {
             let law = ideal_response(&gains, hz);
             plant.response(hz).close(plant, Some(&law)).1
@@ -214,9 +220,7 @@ impl Search<'_> {
         Ok(Found {
             target,
             gains,
-            corner_hz,
-            table,
-            poles,
+            trial,
             ideal_poles,
             isolation_from_hz,
             isolation_from_ideal_hz,
@@ -231,15 +235,15 @@ impl Search<'_> {
         }
     }
 
-    /// Table and poles with a roll-off at `hz`, if that loop is stable and its
-    /// sensitivity within the bound.
+    /// The loop with a roll-off at `hz`, if it is stable and its sensitivity
+    /// within the bound.
     fn try_corner(
         &self,
         target: &Target,
         gains: &Gains,
         loops: &LoopGrid,
         hz: f64,
-    ) -> Result<Option<(ValidTable, Vec<Complex<f64>>)>, Miss> {
+    ) -> Result<Option<Trial>, Miss> {
         let table = table::build(self.machine, target, gains, hz)?;
         let closed = self.closed(&table);
         // The bound first: it is much the cheaper.
@@ -249,7 +253,11 @@ impl Search<'_> {
         let poles = closed
             .poles()
             .ok_or(Miss::Error(RollOffError::Eigenvalues))?;
-        Ok(stable(&poles).then_some((table, poles)))
+        Ok(stable(&poles).then_some(Trial {
+            corner_hz: hz,
+            table,
+            poles,
+        }))
     }
 
     /// Scans down for the first corner that holds, bisects up from it, and
@@ -259,7 +267,7 @@ impl Search<'_> {
         target: &Target,
         gains: &Gains,
         loops: &LoopGrid,
-    ) -> Result<(f64, ValidTable, Vec<Complex<f64>>, PeakSensitivity), Miss> {
+    ) -> Result<(Trial, PeakSensitivity), Miss> {
         let holds = |hz: f64| self.try_corner(target, gains, loops, hz);
         let mut above = 0.25 / self.plant.period;
         let mut below = above;
@@ -282,10 +290,10 @@ impl Search<'_> {
         // make up for that.
         let mut corner = round_down(below);
         while corner > LOWEST * target.frequency {
-            if let Some((table, poles)) = holds(corner)? {
-                let peak = loops.peak(self.plant, &LinearLaw::new(&table));
+            if let Some(trial) = holds(corner)? {
+                let peak = loops.peak(self.plant, &LinearLaw::new(&trial.table));
                 if peak.value <= target.max_sensitivity {
-                    return Ok((corner, table, poles, peak));
+                    return Ok((trial, peak));
                 }
             }
             corner = round_down(0.999 * corner);
@@ -331,10 +339,15 @@ impl Search<'_> {
     }
 
     fn describe(&self, found: &Found) -> RollOff {
-        let closed = self.closed(&found.table);
-        let slowest = found.poles.iter().map(|s| s.re).fold(f64::MIN, f64::max);
+        let closed = self.closed(&found.trial.table);
+        let slowest = found
+            .trial
+            .poles
+            .iter()
+            .map(|s| s.re)
+            .fold(f64::MIN, f64::max);
         RollOff {
-            corner_hz: found.corner_hz,
+            corner_hz: found.trial.corner_hz,
             ac_coupling_hz: table::AC_COUPLING * found.target.frequency,
             leak_hz: table::LEAK * found.target.frequency,
             peak_sensitivity: found.peak_sensitivity,
@@ -372,7 +385,7 @@ impl Search<'_> {
                 } else {
                     f64::NAN
                 },
-                sampled_db: peak(*low, *high, &pole_peaks(&found.poles), &|hz| {
+                sampled_db: peak(*low, *high, &pole_peaks(&found.trial.poles), &|hz| {
                     largest_singular_value(&closed.close(hz).0)
                 }),
             })
