@@ -1,0 +1,494 @@
+//! One clear error each, naming the entry and its line.
+
+mod common;
+
+use common::{model_text, parse};
+use host_gen::machine::MachineError;
+use host_gen::study::Study;
+use proptest::prelude::*;
+
+/// Everything that can be wrong before the roll-off is searched.
+fn error_of(text: &str) -> MachineError {
+    match parse(text) {
+        Err(error) => error,
+        Ok(machine) => Study::new(machine).err().expect("the file is bad"),
+    }
+}
+
+/// Replaces `old`, which must be there once, and asserts that the error names
+/// `entry`, stands on the line of `line_of`, and says `says`.
+#[track_caller]
+fn refused(old: &str, new: &str, line_of: &str, entry: &str, says: &str) {
+    let text = model_text();
+    assert_eq!(
+        text.matches(old).count(),
+        1,
+        "\"{old}\" is in the file once"
+    );
+    let text = text.replace(old, new);
+    let error = error_of(&text);
+    let line = text
+        .lines()
+        .position(|line| line.contains(line_of))
+        .unwrap()
+        + 1;
+    assert_eq!(error.place().map(|p| p.0), Some(line), "{error}");
+    assert_eq!(error.entry(), entry, "{error}");
+    let message = error.to_string();
+    assert!(message.contains(says), "\"{message}\" says \"{says}\"");
+    assert!(!message.trim().contains('\n'), "one line: {message}");
+}
+
+#[test]
+fn unknown_key() {
+    refused(
+        "mass = 742.0",
+        "mas = 742.0",
+        "mas = 742.0",
+        "",
+        "unknown field `mas`",
+    );
+    refused(
+        "seed = 1",
+        "sead = 1",
+        "sead = 1",
+        "",
+        "unknown field `sead`",
+    );
+}
+
+#[test]
+fn missing_key() {
+    refused(
+        "cog = [0.0, 0.0, 0.0]\n",
+        "",
+        "[bodies.frame]",
+        "",
+        "missing field `cog`",
+    );
+}
+
+#[test]
+fn wrong_layout() {
+    refused(
+        "format = 1",
+        "format = 2",
+        "format = 2",
+        "format",
+        "reads 1",
+    );
+}
+
+#[test]
+fn bad_name() {
+    refused(
+        "name = \"metrology-frame\"",
+        "name = \"../x\"",
+        "name =",
+        "name",
+        "lower-case",
+    );
+}
+
+#[test]
+fn missing_node() {
+    refused(
+        "[\"n9\", \"n3\"]",
+        "[\"n9\", \"n33\"]",
+        "leg4 = {",
+        "beams.leg4.nodes",
+        "node \"n33\" does not exist",
+    );
+    refused(
+        "x9 = { node = \"n9\"",
+        "x9 = { node = \"m9\"",
+        "x9 = {",
+        "floor.inputs.x9.node",
+        "\"m9\"",
+    );
+    refused(
+        "nodes = [\"lens15\", \"lens16\"",
+        "nodes = [\"lens14\", \"lens16\"",
+        "\"lens14\"",
+        "bodies.lens.nodes",
+        "\"lens14\"",
+    );
+}
+
+#[test]
+fn repeated_name() {
+    refused("n5 = [", "n3 = [", "n3 = [-0.4", "", "duplicate key");
+    refused(
+        "\"block15.e1\", \"block15.e2\", \"block15.e3\", \"block15.e4\", \"block15.e5\", \"block15.e6\",\n]\n\n# Eq. (9)",
+        "\"block15.e1\", \"block15.e2\", \"block15.e2\", \"block15.e4\", \"block15.e5\", \"block15.e6\",\n]\n\n# Eq. (9)",
+        "deformations = [",
+        "coordinates.deformations",
+        "\"block15.e2\" is named twice",
+    );
+    refused(
+        "beams = [\"leg4\", \"leg5\"",
+        "beams = [\"leg4\", \"leg4\"",
+        "beams = [\"leg4\"",
+        "actuators.beams",
+        "\"leg4\" is named twice",
+    );
+}
+
+#[test]
+fn node_carried_twice_or_not_at_all() {
+    refused(
+        "nodes = [\"n3\", \"n5\", ",
+        "nodes = [\"n3\", \"n9\", \"n5\", ",
+        "nodes = [\"n3\"",
+        "bodies.frame.nodes",
+        "carried twice",
+    );
+    refused(
+        "nodes = [\"n3\", \"n5\", ",
+        "nodes = [\"n5\", ",
+        "n3 = [",
+        "nodes.n3",
+        "moves with nothing",
+    );
+}
+
+#[test]
+fn singular_mass() {
+    refused(
+        "mass = 742.0",
+        "mass = 0.0",
+        "mass = 0.0",
+        "bodies.frame.mass",
+        "singular mass",
+    );
+    refused(
+        "inertia = [52.25, 52.25, 104.5]",
+        "inertia = [52.25, 0.0, 104.5]",
+        "inertia = [52.25",
+        "bodies.frame.inertia",
+        "singular mass",
+    );
+    refused(
+        "inertia = [52.25, 52.25, 104.5]",
+        "inertia = [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]",
+        "inertia = [[1.0",
+        "bodies.frame.inertia",
+        "singular mass",
+    );
+    refused(
+        "inertia = [52.25, 52.25, 104.5]",
+        "inertia = [[1.0, 0.1, 0.0], [0.2, 1.0, 0.0], [0.0, 0.0, 1.0]]",
+        "inertia = [[1.0",
+        "bodies.frame.inertia",
+        "not symmetric",
+    );
+}
+
+#[test]
+fn inertia_in_no_notation() {
+    refused(
+        "inertia = [52.25, 52.25, 104.5]",
+        "inertia = [52.25, 52.25]",
+        "inertia = [52.25, 52.25]",
+        "",
+        "three principal moments",
+    );
+}
+
+#[test]
+fn singular_sensors() {
+    // Six sensors that do not see the turn about z.
+    refused(
+        "y5 = { node = \"n5\", direction = [0.0, 1.0, 0.0]",
+        "y5 = { node = \"n5\", direction = [0.0, 0.0, 1.0]",
+        "z5 = {",
+        "sensors.acceleration.z5",
+        "singular sensor arrangement",
+    );
+}
+
+#[test]
+fn dependent_coordinates() {
+    // e1 of the second block follows from the six of the first.
+    refused(
+        "\"leg9.e1\",\n",
+        "\"block16.e1\",\n",
+        "deformations = [",
+        "coordinates.deformations",
+        "dependent degrees of freedom: \"block15.e",
+    );
+    refused(
+        "\"leg9.e1\",\n",
+        "",
+        "deformations = [",
+        "coordinates.deformations",
+        "11 deformations are given; 2 bodies have 12",
+    );
+    refused(
+        "\"leg9.e1\",\n",
+        "\"leg9.e7\",\n",
+        "deformations = [",
+        "coordinates.deformations",
+        "\"leg9.e7\" is no deformation",
+    );
+}
+
+#[test]
+fn dependent_floor() {
+    refused(
+        "z15 = { node = \"n15\", direction = [0.0, 0.0, 1.0]",
+        "z15 = { node = \"n11\", direction = [0.0, 0.0, 1.0]",
+        "z15 = {",
+        "floor.inputs.z15",
+        "rigid base",
+    );
+    refused(
+        "z15 = { node = \"n15\"",
+        "z15 = { node = \"n3\"",
+        "z15 = {",
+        "floor.inputs.z15.node",
+        "does not move with the base",
+    );
+}
+
+/// All six legs in planes through the z axis: none turns the machine about it.
+/// The coordinates are those of one leg, so that they are not to blame.
+#[test]
+fn singular_actuators() {
+    let text = common::edited(&[
+        ("nodes.n9", "[0.0, 0.7, -0.2]"),
+        ("nodes.n11", "[0.0, 0.3, -0.2]"),
+        ("nodes.n13", "[-0.606217782649107, -0.35, -0.2]"),
+        ("nodes.n15", "[-0.259807621135332, -0.15, -0.2]"),
+        ("nodes.n17", "[0.606217782649107, -0.35, -0.2]"),
+        ("nodes.n19", "[0.259807621135332, -0.15, -0.2]"),
+        (
+            "coordinates.deformations",
+            r#"["leg4.e1", "leg4.e2", "leg4.e3", "leg4.e4", "leg4.e5", "leg4.e6",
+                "block15.e1", "block15.e2", "block15.e3", "block15.e4", "block15.e5", "block15.e6"]"#,
+        ),
+    ]);
+    let error = error_of(&text);
+    assert_eq!(error.entry(), "actuators.beams", "{error}");
+    assert!(
+        error.to_string().contains("singular actuator arrangement"),
+        "{error}"
+    );
+}
+
+#[test]
+fn direction_that_is_none() {
+    refused(
+        "x3 = { node = \"n3\", direction = [1.0, 0.0, 0.0]",
+        "x3 = { node = \"n3\", direction = [1.0, 1.0, 0.0]",
+        "x3 = {",
+        "sensors.acceleration.x3.direction",
+        "unit vector",
+    );
+    refused(
+        "x3 = { node = \"n3\", direction = [1.0, 0.0, 0.0]",
+        "x3 = { node = \"n3\", direction = [nan, 0.0, 0.0]",
+        "x3 = {",
+        "sensors.acceleration.x3.direction",
+        "finite",
+    );
+}
+
+#[test]
+fn profile_errors() {
+    refused(
+        "torsion = 5.84 ",
+        "torsion_constant = 5.84 ",
+        "[profiles.leg]",
+        "profiles.leg",
+        "give all of axial",
+    );
+    refused(
+        "leg4 = { nodes = [\"n9\", \"n3\"], profile = \"leg\" }",
+        "leg4 = { nodes = [\"n9\", \"n3\"] }",
+        "leg4 = {",
+        "beams.leg4",
+        "give either profile",
+    );
+    refused(
+        "leg4 = { nodes = [\"n9\", \"n3\"], profile = \"leg\" }",
+        "leg4 = { nodes = [\"n9\", \"n3\"], profile = \"log\" }",
+        "leg4 = {",
+        "beams.leg4.profile",
+        "profile \"log\" does not exist",
+    );
+    refused(
+        "axial = 8.389e6 ",
+        "axial = -8.389e6 ",
+        "[profiles.leg]",
+        "profiles.leg",
+        "not negative",
+    );
+    refused(
+        "[\"n9\", \"n3\"]",
+        "[\"n9\", \"n9\"]",
+        "leg4 = {",
+        "beams.leg4.nodes",
+        "same place",
+    );
+}
+
+#[test]
+fn a_machine_that_nothing_holds() {
+    // Blocks without stiffness: the lens floats.
+    refused(
+        "axial = 4.5e7\nbending = [3.0e4, 3.0e4]\ntorsion = 1.0e4",
+        "axial = 0.0\nbending = [0.0, 0.0]\ntorsion = 0.0",
+        "[bodies.lens]",
+        "bodies.lens",
+        "without deforming",
+    );
+}
+
+#[test]
+fn board_errors() {
+    refused(
+        "limit = 200.0",
+        "limit = 300.0",
+        "limit = 300.0",
+        "board.actuator.limit",
+        "past what the DAC can ask for",
+    );
+    refused(
+        "range = 10.0 ",
+        "range = -10.0 ",
+        "[board.adc]",
+        "board.adc",
+        "converter's range",
+    );
+    refused(
+        "bits = 16\nrange = 10.0",
+        "bits = 24\nrange = 10.0",
+        "[board.adc]",
+        "board.adc",
+        "8 to 16 bits",
+    );
+    refused(
+        "sample_rate = 20e3",
+        "sample_rate = 0.0",
+        "sample_rate",
+        "board.sample_rate",
+        "positive",
+    );
+    refused(
+        "output_delay = 40e-6",
+        "output_delay = 40e-3",
+        "output_delay",
+        "board.output_delay",
+        "eight periods",
+    );
+    refused(
+        "[board.accelerometer]\nsensitivity = 20.0",
+        "[board.accelerometer]\nsensitivity = 0.0",
+        "sensitivity = 0.0",
+        "board.accelerometer.sensitivity",
+        "not zero",
+    );
+}
+
+#[test]
+fn control_errors() {
+    refused(
+        "max_sensitivity = 2.0",
+        "max_sensitivity = 1.0",
+        "max_sensitivity",
+        "control.max_sensitivity",
+        "above 1",
+    );
+    refused(
+        "frequency = 1.0 # Hz",
+        "frequency = -1.0 # Hz",
+        "frequency = -1.0",
+        "control.frequency",
+        "positive",
+    );
+    refused(
+        "feedback = \"acceleration\"",
+        "feedback = \"velocity\"",
+        "feedback = \"velocity\"",
+        "",
+        "unknown variant `velocity`",
+    );
+}
+
+#[test]
+fn provenance_of_nothing() {
+    refused(
+        "\"nodes.n3\", \"nodes.n5\"",
+        "\"nodes.n3\", \"nodes.n4\"",
+        "[[provenance]]",
+        "provenance",
+        "\"nodes.n4\"",
+    );
+}
+
+#[test]
+fn not_toml() {
+    refused("format = 1", "format = = 1", "format = = 1", "", "");
+}
+
+#[test]
+fn no_file() {
+    let path = std::path::Path::new("no-such-machine.toml");
+    let error = host_gen::machine::Machine::load(path)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.starts_with("no-such-machine.toml: cannot be read"),
+        "{error}"
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 400,
+        rng_seed: prop::test_runner::RngSeed::Fixed(11),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    /// Whatever the text, an answer and no panic: lines swapped, doubled, cut,
+    /// numbers replaced by awkward ones.
+    #[test]
+    fn garbled_files_never_panic(
+        edits in prop::collection::vec((0usize..200, 0usize..200, 0usize..8), 1..4),
+    ) {
+        let text = model_text();
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        for (a, b, how) in edits {
+            let (a, b) = (a % lines.len(), b % lines.len());
+            let awkward = |s: &str, with: &str| {
+                let mut out = String::new();
+                let mut digits = false;
+                for c in s.chars() {
+                    if c.is_ascii_digit() {
+                        if !digits { out.push_str(with); }
+                        digits = true;
+                    } else {
+                        digits = false;
+                        out.push(c);
+                    }
+                }
+                out
+            };
+            match how {
+                0 => lines.swap(a, b),
+                1 => { let line = lines[a].clone(); lines.insert(b, line); }
+                2 => { lines.remove(a); }
+                3 => lines[a] = awkward(&lines[a], "0"),
+                4 => lines[a] = awkward(&lines[a], "1e300"),
+                5 => lines[a] = awkward(&lines[a], "-1"),
+                6 => lines[a] = awkward(&lines[a], "1e-300"),
+                _ => { let half = lines[a].chars().count() / 2; lines[a] = lines[a].chars().take(half).collect(); }
+            }
+        }
+        if let Ok(machine) = parse(&lines.join("\n")) {
+            let _ = Study::new(machine);
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! Machines for the tests: the metrology frame and edits of it.
+#![allow(dead_code, reason = "each test file uses its part")]
+
+use std::path::{Path, PathBuf};
+
+use host_gen::machine::{Machine, MachineError};
+use host_gen::study::Study;
+use toml::{Table, Value};
+
+pub fn model_path() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/metrology-frame.toml")
+}
+
+pub fn model_text() -> String {
+    std::fs::read_to_string(model_path()).unwrap()
+}
+
+pub fn parse(text: &str) -> Result<Machine, MachineError> {
+    Machine::parse(Path::new("test.toml"), text)
+}
+
+pub fn study(text: &str) -> Study {
+    Study::new(parse(text).unwrap()).unwrap()
+}
+
+pub fn frame() -> Study {
+    study(&model_text())
+}
+
+/// The metrology frame with values replaced: `("bodies.frame.mass", "700.0")`,
+/// the value in TOML.
+pub fn edited(edits: &[(&str, &str)]) -> String {
+    let mut table: Table = model_text().parse().unwrap();
+    // It names entries that an edit may take away.
+    table.remove("provenance");
+    for (key, value) in edits {
+        let value: Table = format!("x = {value}").parse().unwrap();
+        set(&mut table, key, value["x"].clone());
+    }
+    table.to_string()
+}
+
+pub fn set(table: &mut Table, key: &str, value: Value) {
+    match key.split_once('.') {
+        None => {
+            table.insert(key.to_owned(), value);
+        }
+        Some((first, rest)) => {
+            let inner = table
+                .entry(first)
+                .or_insert_with(|| Value::Table(Table::new()));
+            set(inner.as_table_mut().unwrap(), rest, value);
+        }
+    }
+}
+
+/// Asserts that `found` is `expected` to as many digits as the latter is
+/// printed with.
+#[track_caller]
+pub fn assert_digits(found: f64, expected: &str) {
+    let decimals = expected.split_once('.').map_or(0, |(_, d)| d.len());
+    assert_eq!(format!("{found:.decimals$}"), expected);
+}

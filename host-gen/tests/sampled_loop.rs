@@ -1,0 +1,348 @@
+//! The sampled plant and loop against second methods.
+
+mod common;
+
+use core::f64::consts::TAU;
+
+use common::{edited, frame, study};
+use host_gen::closed_loop::{LinearLaw, LoopGrid, SampledLoop, stable};
+use host_gen::machine::Simulation;
+use host_gen::plant::{Plant, largest_singular_value};
+use host_gen::roll_off::{Nearest, RollOffError};
+use host_gen::simulation::run;
+use host_gen::study::Study;
+use host_gen::table::build;
+use nalgebra::{Complex, DMatrix, Matrix6};
+
+/// State space of the plant, x = (z, ż), inputs floor then legs; outputs the
+/// sensors.
+fn state_space(plant: &Plant) -> [DMatrix<f64>; 4] {
+    let n = plant.omega.len();
+    let mut a = DMatrix::zeros(2 * n, 2 * n);
+    let mut b = DMatrix::zeros(2 * n, 12);
+    let mut c = DMatrix::zeros(6, 2 * n);
+    let out = &plant.sensors;
+    for i in 0..n {
+        let w = plant.omega[i];
+        a[(i, n + i)] = 1.0;
+        a[(n + i, i)] = -w * w;
+        a[(n + i, n + i)] = -2.0 * plant.damping * w;
+        for j in 0..6 {
+            b[(n + i, j)] = plant.floor[(i, j)];
+            b[(n + i, 6 + j)] = plant.actuators[(i, j)];
+            c[(j, i)] = out.displacement[(j, i)] - out.acceleration[(j, i)] * w * w;
+            c[(j, n + i)] = -out.acceleration[(j, i)] * 2.0 * plant.damping * w;
+        }
+    }
+    let floor = &out.acceleration * &plant.floor + &out.floor;
+    let legs = &out.acceleration * &plant.actuators + &out.actuators;
+    let mut d = DMatrix::zeros(6, 12);
+    d.columns_mut(0, 6).copy_from(&floor);
+    d.columns_mut(6, 6).copy_from(&legs);
+    [a, b, c, d]
+}
+
+/// e^(At) and the integral of e^(As)·B over t, by one exponential of an
+/// augmented matrix.
+fn hold(a: &DMatrix<f64>, b: &DMatrix<f64>, t: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+    let (n, m) = b.shape();
+    let mut augmented = DMatrix::zeros(n + m, n + m);
+    augmented.view_mut((0, 0), (n, n)).copy_from(&(a * t));
+    augmented.view_mut((0, n), (n, m)).copy_from(&(b * t));
+    let e = augmented.exp();
+    (
+        e.view((0, 0), (n, n)).into_owned(),
+        e.view((0, n), (n, m)).into_owned(),
+    )
+}
+
+/// Whole, part and several periods of delay; both kinds of sensor.
+#[test]
+fn sampling_is_exact() {
+    for (feedback, latch) in [
+        ("acceleration", 50e-6),
+        ("acceleration", 20e-6),
+        ("force", 20e-6),
+        ("acceleration", 130e-6),
+        ("acceleration", 0.0),
+    ] {
+        let study = study(&edited(&[
+            ("control.feedback", &format!("\"{feedback}\"")),
+            ("board.conversion_delay", "0.0"),
+            ("board.output_delay", &format!("{latch:?}")),
+        ]));
+        let period = 50e-6;
+        let [a, b, c, d] = state_space(&study.plant.plant);
+        let legs = b.columns(6, 6).into_owned();
+        let floor = b.columns(0, 6).into_owned();
+        let periods = (latch / period + 1e-9_f64).floor();
+        let part = (latch - periods * period).max(0.0);
+        let (phi, gamma_floor) = hold(&a, &floor, period);
+        let (rest, after) = hold(&a, &legs, period - part);
+        let (_, early) = hold(&a, &legs, part);
+        let before = rest * early;
+        let complex = |m: &DMatrix<f64>| m.map(Complex::from);
+        for hz in [0.5, 13.9, 83.0, 1000.0, 9000.0] {
+            let z = Complex::cis(TAU * hz * period);
+            let delay = z.powf(-periods);
+            let resolvent = (DMatrix::from_diagonal_element(24, 24, z) - complex(&phi))
+                .try_inverse()
+                .unwrap();
+            let x = &resolvent * (complex(&after) * delay + complex(&before) * (delay / z));
+            let expected = complex(&c) * x + complex(&d.columns(6, 6).into_owned()) * (delay / z);
+            let response = study.plant.response(hz);
+            let found = response.actuators_to_sensors;
+            let error = (&expected - found).camax() / expected.camax();
+            assert!(
+                error < 1e-7,
+                "legs, {feedback}, {latch} s, {hz} Hz: {error:.1e}"
+            );
+            let x = &resolvent * complex(&gamma_floor);
+            let expected = complex(&c) * x + complex(&d.columns(0, 6).into_owned());
+            let error = (&expected - response.floor_to_sensors).camax() / expected.camax();
+            assert!(
+                error < 1e-7,
+                "floor, {feedback}, {latch} s, {hz} Hz: {error:.1e}"
+            );
+        }
+    }
+}
+
+/// How often det(1 + L) goes round the origin as z goes round the unit circle,
+/// which is the number of unstable closed-loop poles: the open loop has none.
+fn encirclements(study: &Study, law: &LinearLaw) -> i32 {
+    let plant = &study.plant;
+    let at = |hz: f64| {
+        let g22 = plant.response(hz).actuators_to_sensors;
+        (Matrix6::identity() - law.response(plant.z(hz)) * g22).determinant()
+    };
+    // The upper half of the circle, refined until no step turns far.
+    let mut turns = 0.0;
+    let top = 0.5 / plant.period;
+    let mut points: Vec<f64> = (0..4000)
+        .map(|i| 1e-4 * (top / 1e-4_f64).powf(f64::from(i) / 3999.0))
+        .rev()
+        .collect();
+    let mut low = points.pop().unwrap();
+    let mut value = at(low);
+    while let Some(high) = points.pop() {
+        let next = at(high);
+        let turn = (next / value).arg();
+        if turn.abs() > 0.3 && high - low > 1e-9 * high {
+            points.push(high);
+            points.push(0.5 * (low + high));
+            continue;
+        }
+        turns += turn;
+        (low, value) = (high, next);
+    }
+    // Twice, for the lower half.
+    -(2.0 * turns / TAU).round() as i32
+}
+
+/// Stability by the argument principle, where eigenvalues say the same and
+/// where they say the opposite.
+#[test]
+fn stability_by_nyquist() {
+    let study = frame();
+    let (_, roll_off) = study.table().unwrap();
+    for (corner, expected) in [
+        (roll_off.corner_hz, true),
+        (2.0, true),
+        (2.6, false),
+        (5.0, false),
+    ] {
+        let table = build(&study.machine, &study.machine.target, &study.gains, corner).unwrap();
+        let law = LinearLaw::new(&table);
+        let closed = SampledLoop {
+            plant: &study.plant,
+            law,
+        };
+        let poles = closed.poles().unwrap();
+        let unstable = poles.iter().filter(|s| s.re >= 0.0).count();
+        assert_eq!(stable(&poles), expected, "{corner} Hz");
+        assert_eq!(
+            encirclements(&study, &law).unsigned_abs() as usize,
+            unstable,
+            "{corner} Hz"
+        );
+    }
+}
+
+/// The chosen corner keeps the bound on a sweep twenty times as dense as the
+/// search's, and a corner 3 % higher breaks it.
+#[test]
+fn the_corner_is_the_highest_within_the_bound() {
+    let study = frame();
+    let (table, roll_off) = study.table().unwrap();
+    let worst = |law: &LinearLaw| {
+        let to = study.design.modal.transpose().map(Complex::from);
+        let from = to.try_inverse().unwrap();
+        let mut worst: f64 = 0.0;
+        for i in 0..12_000 {
+            let hz = 0.02 * (0.5e4 * 2.0 / 0.02_f64).powf(f64::from(i) / 11_999.0);
+            let c = law.response(study.plant.z(hz));
+            let g = study.plant.response(hz).actuators_to_sensors;
+            for l in [-(c * g), -(g * c), -(to * c * g * from)] {
+                let sensitivity = (Matrix6::identity() + l).try_inverse().unwrap();
+                worst = worst.max(sensitivity.singular_values().max());
+            }
+        }
+        worst
+    };
+    let chosen = worst(&LinearLaw::new(&table));
+    assert!(chosen <= 2.0 && chosen > 1.99, "{chosen}");
+    assert!((chosen - roll_off.peak_sensitivity.value).abs() < 2e-3);
+    let higher = build(
+        &study.machine,
+        &study.machine.target,
+        &study.gains,
+        1.03 * roll_off.corner_hz,
+    )
+    .unwrap();
+    assert!(worst(&LinearLaw::new(&higher)) > 2.0);
+}
+
+/// The fast test by pivots says what singular values say.
+#[test]
+fn bound_by_pivots_is_bound_by_singular_values() {
+    let study = frame();
+    let grid = LoopGrid::new(&study.plant, &study.design.modal, 0.02);
+    // Not nearer to instability, where the peak is narrower than the grid.
+    for corner in [0.2, 0.84, 1.2] {
+        let table = build(&study.machine, &study.machine.target, &study.gains, corner).unwrap();
+        let law = LinearLaw::new(&table);
+        let peak = grid.peak(&study.plant, &law).value;
+        assert!(grid.within(&law, 1.001 * peak));
+        assert!(!grid.within(&law, 0.99 * peak));
+    }
+}
+
+/// rms in time against rms from the spectra, open and closed. Modal damping of
+/// 10 % so that a minute holds hundreds of independent swings.
+#[test]
+fn rms_in_time_is_rms_from_spectra() {
+    let mut study = study(&edited(&[("damping.modal", "0.1")]));
+    let settings = Simulation {
+        duration: 60.0,
+        settling: 10.0,
+        floor_rms: 1e-2,
+        floor_band: [5.0, 60.0],
+        seed: 3,
+    };
+    // A quiet board, so that only the floor speaks.
+    study.machine.board.adc_noise = 0.0;
+    study.machine.board.dac_noise = 0.0;
+    study.machine.board.sensor.noise_density = 0.0;
+    let (table, _) = study.table().unwrap();
+    let closed_loop = SampledLoop {
+        plant: &study.plant,
+        law: LinearLaw::new(&table),
+    };
+    // Second-order Butterworth magnitudes; the bilinear warp is nil here.
+    let [low, high] = settings.floor_band;
+    let shape = |hz: f64| 1.0 / (1.0 + (low / hz).powi(4)) / (1.0 + (hz / high).powi(4));
+    let step = 0.05;
+    let grid: Vec<f64> = (1..20_000).map(|i| step * f64::from(i)).collect();
+    let total: f64 = grid.iter().map(|&hz| shape(hz) * step).sum();
+    let rms = |row: usize, closed: bool| {
+        let power: f64 = grid
+            .iter()
+            .map(|&hz| {
+                let gain = if closed {
+                    closed_loop.close(hz).0
+                } else {
+                    study.plant.response(hz).floor_to_performance
+                };
+                gain.row(row).norm_squared() * shape(hz) * step
+            })
+            .sum();
+        settings.floor_rms * (power / total).sqrt()
+    };
+    for closed in [false, true] {
+        let measured = run(
+            &study.plant,
+            &study.machine.board,
+            &settings,
+            &table,
+            closed,
+        );
+        assert_eq!(measured.clamped_steps, 0);
+        for row in [0, 2, 4] {
+            let expected = rms(row, closed);
+            let ratio = measured.rms[row] / expected;
+            assert!(
+                (ratio - 1.0).abs() < 0.1,
+                "closed {closed}, output {row}: {ratio}"
+            );
+        }
+    }
+}
+
+#[test]
+fn unreachable_targets_name_the_nearest() {
+    for (frequency, damping) in [(0.5, 0.7), (0.1, 0.7), (0.3, 0.2)] {
+        let edits = |f: f64| {
+            study(&edited(&[
+                ("control.frequency", &format!("{f:?}")),
+                ("control.damping", &format!("{damping:?}")),
+            ]))
+        };
+        let error = edits(frequency).table().unwrap_err();
+        let RollOffError::Unreachable {
+            nearest: Nearest::At(nearest),
+            ..
+        } = error
+        else {
+            panic!("{error}");
+        };
+        assert!(nearest > frequency);
+        // It can be reached, and a little less cannot.
+        edits(nearest).table().unwrap();
+        assert!(edits(0.95 * nearest).table().is_err());
+    }
+    let hopeless = study(&edited(&[("control.damping", "30.0")]))
+        .table()
+        .unwrap_err();
+    assert!(matches!(
+        hopeless,
+        RollOffError::Unreachable {
+            nearest: Nearest::None,
+            ..
+        }
+    ));
+}
+
+/// Force feedback and other boards: whatever the tool accepts is stable within
+/// the bound.
+#[test]
+fn other_boards() {
+    for edits in [
+        vec![("control.feedback", "\"force\"")],
+        vec![
+            ("board.sample_rate", "50e3"),
+            ("board.conversion_delay", "0.0"),
+            ("board.output_delay", "20e-6"),
+        ],
+        vec![("board.sample_rate", "5e3"), ("control.frequency", "3.0")],
+        vec![
+            ("control.max_sensitivity", "1.5"),
+            ("board.output_delay", "5e-6"),
+        ],
+    ] {
+        let study = study(&edited(&edits));
+        let (table, roll_off) = study.table().unwrap();
+        let law = LinearLaw::new(&table);
+        assert!(roll_off.peak_sensitivity.value <= study.machine.target.max_sensitivity);
+        assert_eq!(encirclements(&study, &law), 0, "{edits:?}");
+        let closed = SampledLoop {
+            plant: &study.plant,
+            law,
+        };
+        let open = largest_singular_value(&study.plant.response(13.91).floor_to_performance);
+        assert!(
+            largest_singular_value(&closed.close(13.91).0) < 0.05 * open,
+            "{edits:?}"
+        );
+    }
+}
