@@ -1,0 +1,223 @@
+//! The commands as a user types them.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use common::edited;
+
+fn host_gen(arguments: &[&str], folder: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_host-gen"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn json(output: &Output) -> serde_json::Value {
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A short run, so that the tests of the command line are quick.
+fn quick_model(folder: &Path) -> String {
+    let text = edited(&[
+        ("simulation.duration", "0.2"),
+        ("simulation.settling", "0.1"),
+    ]);
+    fs::write(folder.join("quick.toml"), text).unwrap();
+    "quick.toml".to_owned()
+}
+
+#[test]
+fn generate_check_and_generate_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = quick_model(folder.path());
+    let table = folder.path().join("table.rs");
+    let generate = || {
+        let output = host_gen(&["generate", &model, "--table", "table.rs"], folder.path());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        (text(&output.stdout), fs::read_to_string(&table).unwrap())
+    };
+    let (summary, first) = generate();
+    for part in [
+        "13.910",
+        "K_a",
+        "Roll-off",
+        "peak sensitivity",
+        "Software in the loop",
+        "table.rs",
+    ] {
+        assert!(summary.contains(part), "{part} in {summary}");
+    }
+    assert_eq!(generate().1, first, "the same table to the byte");
+
+    // The model differs from the checked-in one only in what is not part of
+    // the digest, so the tables are the same.
+    let checked_in =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware/src/tables/metrology_frame.rs");
+    assert_eq!(fs::read_to_string(checked_in).unwrap(), first);
+
+    let check = || host_gen(&["check", &model, "--table", "table.rs"], folder.path());
+    assert!(check().status.success());
+    fs::write(&table, first.replace("leak: ", "leak: 1")).unwrap();
+    let stale = check();
+    assert!(!stale.status.success());
+    let error = text(&stale.stderr);
+    assert!(
+        error.contains("leak: 1") && error.contains("host-gen generate"),
+        "{error}"
+    );
+    assert_eq!(error.lines().count(), 1);
+}
+
+#[test]
+fn check_needs_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = quick_model(folder.path());
+    let output = host_gen(&["check", &model, "--table", "none.rs"], folder.path());
+    assert!(!output.status.success());
+    assert!(text(&output.stderr).contains("none.rs: cannot be read"));
+    let output = host_gen(&["check", &model], folder.path());
+    assert!(text(&output.stderr).contains("give --table PATH"));
+}
+
+/// A target out of reach: one line, and the old table is left as it was.
+#[test]
+fn an_unreachable_target_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("slow.toml"),
+        edited(&[("control.frequency", "0.1")]),
+    )
+    .unwrap();
+    fs::write(folder.path().join("table.rs"), "old").unwrap();
+    let output = host_gen(
+        &["generate", "slow.toml", "--table", "table.rs"],
+        folder.path(),
+    );
+    assert_eq!(output.status.code(), Some(1));
+    assert!(output.stdout.is_empty());
+    let error = text(&output.stderr);
+    assert!(
+        error.starts_with("error: slow.toml: ") && error.contains("Nearest that can"),
+        "{error}"
+    );
+    assert_eq!(
+        fs::read_to_string(folder.path().join("table.rs")).unwrap(),
+        "old"
+    );
+    assert_eq!(
+        fs::read_dir(folder.path()).unwrap().count(),
+        2,
+        "nothing half-written"
+    );
+}
+
+#[test]
+fn json_for_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = quick_model(folder.path());
+    let run = |command: &str| {
+        json(&host_gen(
+            &[command, &model, "--format", "json"],
+            folder.path(),
+        ))
+    };
+
+    let modes = run("modes");
+    assert_eq!(modes["modes"].as_array().unwrap().len(), 12);
+    assert!((modes["modes"][0]["hz"].as_f64().unwrap() - 13.910).abs() < 5e-4);
+    assert_eq!(modes["modes"][0]["shape"][1]["body"], "lens");
+    assert_eq!(
+        modes["equation_of_motion"]["rheonomic"]
+            .as_array()
+            .unwrap()
+            .len(),
+        12
+    );
+
+    // K_a·T_c + M_d = K_d/ω_n², Eq. (19), from the printed matrices alone.
+    let gains = run("gains");
+    let matrix = |name: &str| {
+        let rows: Vec<Vec<f64>> = serde_json::from_value(gains[name].clone()).unwrap();
+        nalgebra::Matrix6::from_fn(|i, j| rows[i][j])
+    };
+    let omega = core::f64::consts::TAU;
+    let virtual_mass = matrix("proportional") * matrix("sensing") + matrix("mass");
+    let expected = matrix("stiffness") / (omega * omega);
+    assert!((virtual_mass - expected).amax() < 1e-9 * expected.amax());
+    assert_eq!(gains["ideal_poles_rigid"].as_array().unwrap().len(), 12);
+
+    let simulated = run("simulate");
+    let rms = |run: &str| {
+        simulated["simulation"][run]["rms"]
+            .as_array()
+            .unwrap()
+            .len()
+    };
+    assert_eq!((rms("open"), rms("closed")), (6, 6));
+    assert!(
+        simulated["roll_off"]["peak_sensitivity"]["value"]
+            .as_f64()
+            .unwrap()
+            <= 2.0
+    );
+
+    let generated = json(&host_gen(
+        &["generate", &model, "--table", "t.rs", "--format", "json"],
+        folder.path(),
+    ));
+    assert_eq!(generated["table"], "t.rs");
+    assert_eq!(generated["gains"], gains);
+    let checked = json(&host_gen(
+        &["check", &model, "--table", "t.rs", "--format", "json"],
+        folder.path(),
+    ));
+    assert_eq!(checked["up_to_date"], true);
+}
+
+#[test]
+fn options_of_simulate() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = quick_model(folder.path());
+    let run = |more: &[&str]| {
+        let mut arguments = vec!["simulate", &model, "--format", "json"];
+        arguments.extend(more);
+        host_gen(&arguments, folder.path())
+    };
+    let seed = |seed: &str| json(&run(&["--seed", seed]));
+    assert_eq!(seed("4"), seed("4"));
+    assert_ne!(seed("4"), seed("5"));
+    let longer = json(&run(&["--duration", "0.5"]));
+    assert_eq!(longer["simulation"]["closed"]["steps"], 10_000);
+    let failed = run(&["--floor-rms", "-1"]);
+    assert!(!failed.status.success());
+}
+
+#[test]
+fn a_bad_file_is_one_line_and_exit_1() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("bad.toml"),
+        edited(&[("bodies.frame.mass", "-1.0")]),
+    )
+    .unwrap();
+    for command in ["modes", "gains", "generate", "check", "simulate"] {
+        let output = host_gen(&[command, "bad.toml"], folder.path());
+        assert_eq!(output.status.code(), Some(1), "{command}");
+        assert!(output.stdout.is_empty());
+        let error = text(&output.stderr);
+        assert_eq!(error.lines().count(), 1, "{error}");
+        assert!(
+            error.starts_with("error: bad.toml:") && error.contains("bodies.frame.mass"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,120 @@
+//! The step of `shared`, the law of `host-gen` and the table in `firmware` are
+//! one thing.
+
+use std::path::Path;
+
+use firmware::exchange::{parse_reply, parse_request, reply, request};
+use firmware::loop_task::LoopTask;
+use firmware::tables::metrology_frame;
+use host_gen::closed_loop::LinearLaw;
+use host_gen::machine::Machine;
+use host_gen::simulation::Rig;
+use host_gen::study::Study;
+use nalgebra::Complex;
+use shared::LEGS;
+use shared::codes::{AdcCode, LegForces};
+use shared::step::{State, step};
+use shared::table::ValidTable;
+
+fn study() -> Study {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/metrology-frame.toml");
+    Study::new(Machine::load(&path).unwrap()).unwrap()
+}
+
+/// The compiled-in table is, bit for bit, the one that the model file gives:
+/// the emitted source reads back to what was emitted.
+#[test]
+fn the_firmwares_table_is_the_models() {
+    let (table, _) = study().table().unwrap();
+    assert_eq!(metrology_frame::TABLE, table);
+}
+
+/// The single-precision step, code to code, against the linear law that
+/// stability was proven with: gain and phase of a sine from one sensor to all
+/// legs.
+#[test]
+fn the_step_is_the_linear_law() {
+    for hz in [0.05, 0.5, 1.0, 10.0, 200.0] {
+        let z = Complex::cis(core::f64::consts::TAU * hz / 20e3);
+        let amplitude = 30_000.0;
+        // Smaller gains, so that the sine uses most of both converters and
+        // leaves the clamp alone.
+        let mut table = *metrology_frame::TABLE.get();
+        let whole = LinearLaw::new(&metrology_frame::TABLE).response(z).camax();
+        let scale = 100.0 / (whole * amplitude * f64::from(table.sensors[0].gain));
+        table.law.proportional *= scale as f32;
+        table.law.integral *= scale as f32;
+        let table = table.validate().unwrap();
+        let law = LinearLaw::new(&table).response(z);
+        for sensor in [0, 3] {
+            let found = sine(&table, sensor, hz, amplitude);
+            let expected = law.column(sensor);
+            for leg in 0..LEGS {
+                let error = (found[leg] - expected[leg]).norm() / law.camax();
+                // Codes of 8 mN on 100 N, averaged, and a transient that has
+                // died to 1e-3.
+                assert!(
+                    error < 2e-3,
+                    "{hz} Hz, sensor {sensor}, leg {leg}: {error:.1e}"
+                );
+            }
+        }
+    }
+}
+
+/// Complex gain, N per m/s², of the step for a sine of `amplitude` codes.
+fn sine(table: &ValidTable, sensor: usize, hz: f64, amplitude: f64) -> [Complex<f64>; LEGS] {
+    let rate = 20e3;
+    let omega = core::f64::consts::TAU * hz / rate;
+    let period = (rate / hz).round();
+    let at = |k: f64| {
+        let mut adc = [AdcCode(0); LEGS];
+        adc[sensor] = AdcCode((amplitude * (omega * k).sin()).round() as i16);
+        adc
+    };
+    let mut state = State::settled_on(table, at(0.0));
+    // The leak, 0.01 Hz, dies to 1e-3 in 110 s; the AC coupling long before.
+    let settled = (110.0 * rate / period).ceil() * period;
+    let measured = (0.2 * rate / period).ceil().max(1.0) * period;
+    let drive = table.get().actuators[0];
+    let unit = f64::from(table.get().sensors[sensor].gain);
+    let mut sums: [Complex<f64>; LEGS] = [Complex::ZERO; LEGS];
+    let mut k = 0.0;
+    while k < settled + measured {
+        let out = step(table, &mut state, at(k), LegForces::ZERO);
+        assert!(!out.status.clamped);
+        if k >= settled {
+            let turn = Complex::cis(-omega * k);
+            for (sum, code) in sums.iter_mut().zip(out.dac) {
+                let force = (f64::from(code.0) - f64::from(drive.zero)) / f64::from(drive.gain);
+                *sum += turn * force;
+            }
+        }
+        k += 1.0;
+    }
+    // sin = Im e^(jωk), so the input's own sum is amplitude·n/2j.
+    let input = Complex::new(0.0, -0.5) * amplitude * unit * measured;
+    sums.map(|sum| sum / input)
+}
+
+/// The loop task over the serial line gives what the step gives.
+#[test]
+fn the_loop_task_runs_the_step() {
+    let study = study();
+    let settings = &study.machine.simulation;
+    let mut rig = Rig::new(study.plant.clone(), &study.machine.board, settings);
+    let table = &metrology_frame::TABLE;
+    let mut task = LoopTask::new(table);
+    let mut state = None;
+    for k in 0..5000 {
+        if k == 4000 {
+            rig.floor_gain = 100.0;
+        }
+        let (adc, _) = rig.sample();
+        let received = parse_request(&request(adc)).unwrap();
+        let output = parse_reply(&reply(&task.on_sample(received))).unwrap();
+        let state = state.get_or_insert_with(|| State::settled_on(table, adc));
+        assert_eq!(output, step(table, state, adc, LegForces::ZERO));
+        rig.advance(output.dac);
+    }
+}
