@@ -346,3 +346,71 @@ fn other_boards() {
         );
     }
 }
+
+/// The rig in time against a march with dense matrix exponentials, for forces
+/// that change with every sample: whole, part and several periods of delay.
+#[test]
+fn the_rig_marches_as_the_state_space_does() {
+    use host_gen::simulation::Rig;
+    use shared::codes::DacCode;
+    for latch in [50e-6, 20e-6, 130e-6, 0.0] {
+        let mut study = study(&edited(&[
+            ("board.conversion_delay", "0.0"),
+            ("board.output_delay", &format!("{latch:?}")),
+        ]));
+        let board = &mut study.machine.board;
+        (board.adc_noise, board.dac_noise, board.sensor.noise_density) = (0.0, 0.0, 0.0);
+        // Volts that no code can miss: compare the performance, not the codes.
+        let settings = Simulation {
+            floor_rms: 0.0,
+            ..study.machine.simulation
+        };
+        let mut rig = Rig::new(study.plant.clone(), board, &settings);
+        let plant = &study.plant.plant;
+        let [a, b, ..] = state_space(plant);
+        let legs = b.columns(6, 6).into_owned();
+        let period: f64 = 50e-6;
+        let periods = (latch / period + 1e-9).floor();
+        let part = (latch - periods * period).max(0.0);
+        let (rest, after) = hold(&a, &legs, period - part);
+        let (begin, early) = hold(&a, &legs, part);
+        let late = periods as usize;
+        let mut x = nalgebra::DVector::zeros(24);
+        let mut past = vec![nalgebra::DVector::zeros(6); late + 2];
+        let mut largest: f64 = 0.0;
+        for k in 0..400_u32 {
+            let (_, found) = rig.sample();
+            // Accelerations are the rate of ż plus the force's direct part,
+            // which a sample sees one latch old.
+            let seen = &past[late];
+            let rate = &a * &x + &legs * seen;
+            let expected = &plant.performance.acceleration * rate.rows(12, 12);
+            largest = largest.max(expected.amax());
+            assert!(
+                (&found - &expected).amax() <= 1e-9 * largest.max(1e-9),
+                "{latch} s, sample {k}"
+            );
+            let codes: [DacCode; 6] = core::array::from_fn(|leg| {
+                // Some pattern without a period.
+                let word = (k + 1)
+                    .wrapping_mul(2_654_435_761)
+                    .rotate_left(5 * leg as u32);
+                DacCode(20_000 + (word % 20_000) as u16)
+            });
+            rig.advance(codes);
+            past.pop();
+            let board = &study.machine.board;
+            past.insert(
+                0,
+                nalgebra::DVector::from_iterator(
+                    6,
+                    codes
+                        .iter()
+                        .map(|c| board.dac.force(*c, board.actuator_gain)),
+                ),
+            );
+            x = &begin * x + &early * &past[late + 1];
+            x = &rest * x + &after * &past[late];
+        }
+    }
+}
