@@ -5,14 +5,16 @@
 #![no_std]
 #![no_main]
 
+#[path = "mps2/stop.rs"]
+mod stop;
+
 use core::hint::black_box;
-use core::panic::PanicInfo;
 
 use cortex_m::Peripherals;
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
-use cortex_m_semihosting::{debug, hprintln};
+use cortex_m_semihosting::hprintln;
 use firmware::tables::metrology_frame;
 use shared::LEGS;
 use shared::codes::{AdcCode, LegForces};
@@ -102,17 +104,5 @@ fn main() -> ! {
     };
     let [empty, whole] = [empty_step, whole_step].map(&mut measure);
     hprintln!("  whole step, codes to codes      {:>4}", whole - empty);
-    debug::exit(debug::EXIT_SUCCESS);
-    loop {
-        cortex_m::asm::wfi();
-    }
-}
-
-#[panic_handler]
-fn panic(info: &PanicInfo) -> ! {
-    hprintln!("{}", info);
-    debug::exit(debug::EXIT_FAILURE);
-    loop {
-        cortex_m::asm::wfi();
-    }
+    stop::done()
 }

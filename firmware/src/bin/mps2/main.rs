@@ -4,12 +4,10 @@
 #![no_std]
 #![no_main]
 
+mod stop;
 mod uart;
 
-use core::panic::PanicInfo;
-
 use cortex_m_rt::entry;
-use cortex_m_semihosting::{debug, hprintln};
 use firmware::exchange::{FRAME, parse_request, refusal, reply};
 use firmware::loop_task::LoopTask;
 use firmware::tables::metrology_frame;
@@ -26,14 +24,5 @@ fn main() -> ! {
             Err(_) => refusal(),
         };
         line.write(&answer);
-    }
-}
-
-#[panic_handler]
-fn panic(info: &PanicInfo) -> ! {
-    hprintln!("{}", info);
-    debug::exit(debug::EXIT_FAILURE);
-    loop {
-        cortex_m::asm::wfi();
     }
 }
