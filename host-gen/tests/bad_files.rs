@@ -11,7 +11,7 @@ use proptest::prelude::*;
 fn error_of(text: &str) -> MachineError {
     match parse(text) {
         Err(error) => error,
-        Ok(machine) => Study::new(machine).err().expect("the file is bad"),
+        Ok(machine) => Study::new(machine).expect_err("the file is bad"),
     }
 }
 
