@@ -1,5 +1,7 @@
 //! The sampled loop: plant, delays and the law as the table has it.
 
+use core::ops::Range;
+
 use nalgebra::{Complex, DMatrix, Matrix6};
 use shared::LEGS;
 use shared::table::ValidTable;
@@ -7,7 +9,7 @@ use shared::table::ValidTable;
 use crate::design::Gains;
 use crate::linear::eigenvalues;
 use crate::multibody::to_dynamic;
-use crate::plant::{Gain, Plant, Response, SampledPlant, largest_singular_value};
+use crate::plant::{Gain, Plant, SampledPlant, largest_singular_value};
 
 type Six = Matrix6<Complex<f64>>;
 
@@ -89,10 +91,9 @@ impl LoopGrid {
     /// `modal` is S of Eq. (17).
     pub fn new(plant: &SampledPlant, modal: &Matrix6<f64>, low: f64) -> Self {
         let high = 0.5 / plant.period;
-        let peaks = modal_peaks(&plant.plant);
-        let points = grid(low, high, 500, &peaks)
+        let points = grid(low, high, 500, &plant.plant.peaks())
             .into_iter()
-            .map(|hz| (hz, plant.z(hz), plant.response(hz).actuators_to_sensors))
+            .map(|hz| (hz, plant.z(hz), plant.response(hz).g22()))
             .collect();
         let to_modes = modal.transpose();
         let from_modes = to_modes.try_inverse().expect("modes are independent");
@@ -157,7 +158,7 @@ impl LoopGrid {
         while high - low > 1e-6 * high {
             let third = (high - low) / 3.0;
             let [left, right] = [low + third, high - third]
-                .map(|hz| at(hz, &plant.response(hz).actuators_to_sensors));
+                .map(|hz| at(hz, &plant.response(hz).g22()));
             if left.value < right.value {
                 low = left.at;
             } else {
@@ -212,33 +213,6 @@ pub fn grid(low: f64, high: f64, count: usize, peaks: &[(f64, f64)]) -> Vec<f64>
     all
 }
 
-/// The modes of a plant as peaks: Hz and half width, Hz.
-pub fn modal_peaks(plant: &Plant) -> Vec<(f64, f64)> {
-    plant
-        .omega
-        .iter()
-        .map(|w| {
-            let hz = w / core::f64::consts::TAU;
-            (hz, hz * plant.damping.max(1e-4))
-        })
-        .collect()
-}
-
-/// Lightly damped poles, rad/s, as peaks: Hz and half width, Hz.
-pub fn pole_peaks(poles: &[Complex<f64>]) -> Vec<(f64, f64)> {
-    poles
-        .iter()
-        .filter(|s| s.im > 0.0 && s.re.abs() < 0.3 * s.im)
-        .map(|s| {
-            let width = s.re.abs().max(1e-4 * s.im);
-            (
-                s.im / core::f64::consts::TAU,
-                width / core::f64::consts::TAU,
-            )
-        })
-        .collect()
-}
-
 /// A sampled plant under a law.
 #[derive(Clone, Copy, Debug)]
 pub struct SampledLoop<'a> {
@@ -252,32 +226,25 @@ impl SampledLoop<'_> {
     /// One period of the closed loop as a matrix: the modes, the forces still
     /// to act, and the law's five states per channel.
     fn transition(&self) -> DMatrix<f64> {
-        let SampledPlant { modes, plant, .. } = self.plant;
+        let plant = self.plant.state_space();
         let law = &self.law;
-        let n = modes.len();
+        let n = plant.output.ncols();
         let delays = self.plant.seen_delay();
-        let states = 2 * n + LEGS * (delays + 5);
-        let held = |age: usize| 2 * n + LEGS * (age - 1);
+        let states = n + LEGS * (delays + 4);
+        let held = |age: usize| n + LEGS * (age - 1);
         let [average, second, rolled, integral] =
-            core::array::from_fn(|i| 2 * n + LEGS * (delays + i));
+            core::array::from_fn(|i| n + LEGS * (delays + i));
         // A signal is its row of coefficients on the states before the step.
         let state = |at: usize| {
             let mut rows = DMatrix::zeros(LEGS, states);
             rows.view_mut((0, at), (LEGS, LEGS)).fill_with_identity();
             rows
         };
-        let seen = state(held(delays));
-        let mut y = &plant.sensors.actuators * &seen;
-        for i in 0..n {
-            let w = plant.omega[i];
-            let acceleration = plant.sensors.acceleration.column(i);
-            let displacement = plant.sensors.displacement.column(i);
-            let mut x = y.column_mut(2 * i);
-            x += displacement - acceleration * (w * w);
-            let mut v = y.column_mut(2 * i + 1);
-            v -= acceleration * (2.0 * plant.damping * w);
-        }
-        y += &plant.sensors.acceleration * &plant.actuators * &seen;
+        let sensors = self.plant.plant.sensors();
+        let direct = &self.plant.plant.state_space.d;
+        let mut y = direct.view((sensors.start, LEGS), (LEGS, LEGS)) * state(held(delays));
+        let mut modes = y.columns_mut(0, n);
+        modes += plant.output.rows_range(sensors);
 
         let mut next = DMatrix::zeros(states, states);
         let mut set = |at: usize, rows: &DMatrix<f64>| next.rows_mut(at, LEGS).copy_from(rows);
@@ -298,12 +265,15 @@ impl SampledLoop<'_> {
         let age = self.plant.whole_periods;
         let new = if age == 0 { force } else { state(held(age)) };
         let old = state(held(age + 1));
-        for (i, mode) in modes.iter().enumerate() {
-            let input = plant.actuators.row(i);
-            let mut rows = next.rows_mut(2 * i, 2);
-            rows.view_mut((0, 2 * i), (2, 2))
-                .copy_from(&mode.transition);
-            rows += mode.after * (input * &new) + mode.before * (input * &old);
+        let mut modes = next.rows_mut(0, n);
+        modes += plant.after * new + plant.before * old;
+        for (at, z, pair) in plant.blocks {
+            next[(at, at)] += z.re;
+            if pair {
+                next[(at, at + 1)] -= z.im;
+                next[(at + 1, at)] += z.im;
+                next[(at + 1, at + 1)] += z.re;
+            }
         }
         next
     }
@@ -321,13 +291,23 @@ impl SampledLoop<'_> {
         Some(poles)
     }
 
-    /// The closed loop's transfer functions at `hz`: floor → performance and
-    /// rigid floor motion → rigid whole.
-    pub fn close(&self, hz: f64) -> (Gain, Gain) {
+    /// Floor accelerations to `rows` of the plant's outputs at `hz`.
+    pub fn close(&self, hz: f64, rows: Range<usize>) -> Gain {
         let controller = self.law.response(self.plant.z(hz));
-        let response: Response = self.plant.response(hz);
-        response.close(&self.plant.plant, Some(&controller))
+        self.plant.response(hz).close(rows, &controller)
     }
+
+    /// Rigid floor motion to the rigid whole at `hz`.
+    pub fn transmissibility(&self, hz: f64) -> Gain {
+        let plant = &self.plant.plant;
+        self.close(hz, plant.whole()) * plant.rigid_floor.map(Complex::from)
+    }
+}
+
+/// Floor accelerations to `rows` of the plant's outputs at `hz`, under the
+/// unsampled law.
+pub fn close_ideal(plant: &Plant, gains: &Gains, hz: f64, rows: Range<usize>) -> Gain {
+    plant.response(hz).close(rows, &ideal_response(gains, hz))
 }
 
 /// Whether all poles lie in the left half plane.

@@ -7,7 +7,7 @@ use shared::table::Feedback;
 use crate::linear::{eigenvalues, generalised_eigen};
 use crate::machine::{Fault, Machine, MachineError, Target};
 use crate::multibody::{Multibody, RigidModel, dependent, reach, to_dynamic, to_six};
-use crate::plant::Plant;
+use crate::plant::StateSpace;
 
 /// A proportional-integral law, σ = −(P·y + I·∫y), rows actuators, columns
 /// sensors: Eqs. (14), (21), (22).
@@ -155,41 +155,35 @@ fn force_sensing(machine: &Machine) -> Result<Matrix6<f64>, MachineError> {
     }))
 }
 
-/// The poles of `plant` with the unsampled, undelayed law, rad/s.
+/// The poles of a plant with the unsampled, undelayed law, rad/s, slowest
+/// first. The first six outputs of `plant` are the sensors.
 ///
 /// Six more at s = 0 are left out: the integrals of the sensors, whose
 /// constants of integration nothing holds.
 ///
 /// None if the eigenvalue iteration does not end.
-pub fn ideal_poles(plant: &Plant, gains: &Gains) -> Option<Vec<Complex<f64>>> {
-    let n = plant.omega.len();
-    // x = (z, ż, Y) with Ẏ = y.
-    let size = 2 * n + LEGS;
-    let stiffness = DMatrix::from_diagonal(&plant.omega.map(|w| w * w));
-    let damping = DMatrix::from_diagonal(&plant.omega.map(|w| 2.0 * plant.damping * w));
-    let sensors = &plant.sensors;
-    // y = c·x + d·σ
-    let mut c = Matrix6xX::zeros(size);
-    c.columns_mut(0, n)
-        .copy_from(&(&sensors.displacement - &sensors.acceleration * &stiffness));
-    c.columns_mut(n, n)
-        .copy_from(&(-&sensors.acceleration * &damping));
-    let d = &sensors.acceleration * &plant.actuators + &sensors.actuators;
-    let d: Matrix6<f64> = d.fixed_rows::<LEGS>(0).into_owned();
-    // σ = −(P·(c·x + d·σ) + I·Y)
-    let mut force = -gains.proportional * &c;
-    let mut columns = force.columns_mut(2 * n, LEGS);
-    columns -= gains.integral;
+pub fn ideal_poles(plant: &StateSpace, gains: &Gains) -> Option<Vec<Complex<f64>>> {
+    let states = plant.a.nrows();
+    // With Y the integral of the sensors: σ = −(P·(c·x + d·σ) + I·Y).
+    let c = plant.c.rows(0, LEGS);
+    let d: Matrix6<f64> = plant.d.fixed_view::<LEGS, LEGS>(0, LEGS).into_owned();
+    let mut force = Matrix6xX::zeros(states + LEGS);
+    force
+        .columns_mut(0, states)
+        .copy_from(&(-gains.proportional * c));
+    force
+        .columns_mut(states, LEGS)
+        .copy_from(&-gains.integral);
     let force = (Matrix6::identity() + gains.proportional * d)
         .lu()
         .solve(&force)?;
-    let mut a = DMatrix::zeros(size, size);
-    a.view_mut((0, n), (n, n)).fill_with_identity();
-    a.view_mut((n, 0), (n, n)).copy_from(&-stiffness);
-    a.view_mut((n, n), (n, n)).copy_from(&-damping);
-    let mut rows = a.rows_mut(n, n);
-    rows += &plant.actuators * &force;
-    a.rows_mut(2 * n, LEGS).copy_from(&(c + d * force));
+    let mut a = DMatrix::zeros(states + LEGS, states + LEGS);
+    a.view_mut((0, 0), (states, states)).copy_from(&plant.a);
+    a.view_mut((states, 0), (LEGS, states)).copy_from(&c);
+    let mut rows = a.rows_mut(0, states);
+    rows += plant.b.columns(LEGS, LEGS) * &force;
+    let mut rows = a.rows_mut(states, LEGS);
+    rows += d * force;
     let mut poles = eigenvalues(&a)?;
     poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
     Some(poles.split_off(LEGS))

@@ -29,5 +29,6 @@ pub mod output;
 pub mod plant;
 pub mod roll_off;
 pub mod simulation;
+pub mod statics;
 pub mod study;
 pub mod table;

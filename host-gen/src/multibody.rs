@@ -16,7 +16,10 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Matrix6xX, MatrixXx6, RowVect
 use shared::LEGS;
 
 use crate::linear::{first_dependent_row, generalised_eigen};
-use crate::machine::{Beam, Carrier, Deformation, Direction, Fault, Machine, MachineError};
+use crate::machine::{
+    Beam, Carrier, Damping, Deformation, Direction, Fault, Machine, MachineError,
+};
+use crate::statics::Statics;
 
 /// How far, relative to its length, a row must stand out of the rows before it
 /// to count as independent. Coordinates typed with six digits stay below it
@@ -28,8 +31,15 @@ pub const INDEPENDENT: f64 = 1e-5;
 pub struct Multibody {
     /// M in body coordinates, 6n×6n, kg and kg m².
     pub mass: DMatrix<f64>,
-    /// K in body coordinates, 6n×6n.
+    /// K in body coordinates, 6n×6n: elastic, and under gravity geometric too.
     pub stiffness: DMatrix<f64>,
+    /// Static loads, and the geometric stiffness they make.
+    pub statics: Statics,
+    /// Dampers along beams, in body coordinates, 6n×6n.
+    dampers: DMatrix<f64>,
+    /// Σ η·K of the beams with loss factor η.
+    losses: DMatrix<f64>,
+    damping: Damping,
     /// Φ, 6n×6: body motion when the base moves and nothing deforms.
     pub ride: MatrixXx6<f64>,
     /// R, 6×6: floor inputs from base motion.
@@ -45,7 +55,7 @@ pub struct Multibody {
 pub struct EquationOfMotion {
     /// M_d, kg.
     pub mass: DMatrix<f64>,
-    /// D_d, N s/m, from the modal damping.
+    /// D_d, N s/m.
     pub damping: DMatrix<f64>,
     /// K_d, N/m.
     pub stiffness: DMatrix<f64>,
@@ -55,21 +65,23 @@ pub struct EquationOfMotion {
     pub input: MatrixXx6<f64>,
 }
 
-/// The undamped modes.
+/// The undamped modes, and how damping acts on them.
 #[derive(Clone, Debug)]
 pub struct Modes {
-    /// Natural frequencies, rad/s, ascending.
-    pub omega: DVector<f64>,
+    /// ω², rad²/s², ascending. Negative where gravity makes the machine fall.
+    pub squares: DVector<f64>,
     /// Shapes in body coordinates as columns, VᵀMV = 1.
     pub shapes: DMatrix<f64>,
+    /// Δ = VᵀDV, 1/s: diagonal but for dampers along beams.
+    pub damping: DMatrix<f64>,
 }
 
 impl Modes {
-    /// Natural frequencies, Hz.
+    /// Natural frequencies, Hz; negative for the rate of a mode that falls.
     pub fn hertz(&self) -> Vec<f64> {
-        self.omega
+        self.squares
             .iter()
-            .map(|w| w / core::f64::consts::TAU)
+            .map(|square| square.signum() * square.abs().sqrt() / core::f64::consts::TAU)
             .collect()
     }
 }
@@ -81,7 +93,7 @@ fn lever(v: &Vector3<f64>) -> Matrix3<f64> {
 
 /// Six rows: motion of a point at `at` (translation, rotation) from the motion
 /// of a rigid body whose reference is at `reference`.
-fn transport(at: &Vector3<f64>, reference: &Vector3<f64>) -> Matrix6<f64> {
+pub(crate) fn transport(at: &Vector3<f64>, reference: &Vector3<f64>) -> Matrix6<f64> {
     let mut matrix = Matrix6::identity();
     matrix
         .fixed_view_mut::<3, 3>(0, 3)
@@ -154,13 +166,18 @@ impl Multibody {
                 .copy_from(&transport(&body.cog, &Vector3::zeros()));
         }
         let mut stiffness = DMatrix::zeros(size, size);
+        let mut dampers = DMatrix::zeros(size, size);
+        let mut losses = DMatrix::zeros(size, size);
         let deformations: Vec<_> = machine
             .beams
             .iter()
             .map(|beam| deformations_from_bodies(machine, beam))
             .collect();
         for (beam, rows) in machine.beams.iter().zip(&deformations) {
-            stiffness += rows.transpose() * deformation_stiffness(beam) * rows;
+            let of_beam = rows.transpose() * deformation_stiffness(beam) * rows;
+            losses += beam.loss_factor * &of_beam;
+            stiffness += of_beam;
+            dampers += beam.damper * rows.row(0).transpose() * rows.row(0);
         }
         let row = |d: &Deformation| deformations[d.beam].row(d.component);
         let coordinates =
@@ -171,9 +188,13 @@ impl Multibody {
             let at = machine.nodes[input.node].at;
             input.direction.transpose() * transport(&at, &Vector3::zeros()).fixed_rows::<3>(0)
         }));
-        let model = Self {
+        let mut model = Self {
             mass,
             stiffness,
+            statics: Statics::default(),
+            dampers,
+            losses,
+            damping: machine.damping,
             ride,
             floor,
             coordinates,
@@ -182,6 +203,11 @@ impl Multibody {
         model
             .check(machine)
             .map_err(|fault| machine.locate(fault))?;
+        // After the check: without gravity nothing may be loose.
+        if machine.gravity != Vector3::zeros() {
+            model.statics = Statics::new(machine, &model);
+            model.stiffness += &model.statics.geometric;
+        }
         Ok(model)
     }
 
@@ -231,15 +257,32 @@ impl Multibody {
 
     /// The undamped modes of the machine.
     pub fn modes(&self) -> Modes {
-        let (values, shapes) = self.eigen();
+        let (squares, shapes) = self.eigen();
+        let [alpha, beta] = self.damping.rayleigh;
+        let mut damping = DMatrix::from_diagonal(&squares.map(|square| {
+            2.0 * self.damping.modal * square.abs().sqrt() + alpha + beta * square.abs()
+        }));
+        // Exactly diagonal where there are no dampers.
+        if self.dampers.amax() > 0.0 {
+            damping += shapes.transpose() * &self.dampers * &shapes;
+        }
+        // A loss factor takes η times the strain energy per radian: a mode's
+        // damping is half the mean of η over its strain energy.
+        for (i, shape) in shapes.column_iter().enumerate() {
+            let lost = shape.dot(&(&self.losses * shape));
+            if lost > 0.0 {
+                damping[(i, i)] += lost / squares[i].abs().sqrt();
+            }
+        }
         Modes {
-            omega: values.map(|value| value.max(0.0).sqrt()),
+            squares,
             shapes,
+            damping,
         }
     }
 
-    /// Eq. (2), with `modal_damping` on every mode.
-    pub fn equation_of_motion(&self, modal_damping: f64) -> EquationOfMotion {
+    /// Eq. (2).
+    pub fn equation_of_motion(&self) -> EquationOfMotion {
         let inverse = self
             .coordinates
             .clone()
@@ -251,9 +294,8 @@ impl Multibody {
         let modes = self.modes();
         // S = E_d·V, so M·S = S⁻ᵀ.
         let momentum = &back * &self.mass * &modes.shapes;
-        let rate = DMatrix::from_diagonal(&(2.0 * modal_damping * &modes.omega));
         EquationOfMotion {
-            damping: &momentum * rate * momentum.transpose(),
+            damping: &momentum * modes.damping * momentum.transpose(),
             stiffness: &back * &self.stiffness * &inverse,
             rheonomic: &back * &self.mass * &self.ride * floor,
             input: &back * self.elongations.transpose(),
@@ -292,7 +334,7 @@ impl Multibody {
 }
 
 /// The six deformations of a beam from body coordinates, 6×6n.
-fn deformations_from_bodies(machine: &Machine, beam: &Beam) -> DMatrix<f64> {
+pub(crate) fn deformations_from_bodies(machine: &Machine, beam: &Beam) -> DMatrix<f64> {
     let ends = beam_deformations(beam);
     let mut rows = DMatrix::zeros(6, 6 * machine.bodies.len());
     for (end, &node) in beam.ends.iter().enumerate() {

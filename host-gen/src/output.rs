@@ -9,7 +9,7 @@ use shared::table::Feedback;
 use crate::design::ideal_poles;
 use crate::machine::{Certainty, Machine};
 use crate::multibody::reach;
-use crate::plant::Plant;
+use crate::plant::{Plant, StateSpace};
 use crate::roll_off::RollOff;
 use crate::simulation::Comparison;
 use crate::study::Study;
@@ -78,7 +78,7 @@ impl Modes {
     pub fn new(study: &Study) -> Self {
         let machine = &study.machine;
         let modes = study.model.modes();
-        let equation = study.model.equation_of_motion(machine.modal_damping);
+        let equation = study.model.equation_of_motion();
         let deformations = &study.model.coordinates * &modes.shapes;
         Self {
             machine: machine.name.clone(),
@@ -212,7 +212,7 @@ impl Gains {
     pub fn new(study: &Study) -> Self {
         let machine = &study.machine;
         let design = &study.design;
-        let poles = |plant: &Plant| {
+        let poles = |plant: &StateSpace| {
             // Empty where the iteration did not end; the text then says so.
             let poles = ideal_poles(plant, &study.gains).unwrap_or_default();
             poles.into_iter().map(Pole::from).collect()
@@ -243,7 +243,7 @@ impl Gains {
             proportional: rows(&study.gains.proportional),
             integral: rows(&study.gains.integral),
             ideal_poles_rigid: poles(&Plant::of_design(design)),
-            ideal_poles_flexible: poles(&study.plant.plant),
+            ideal_poles_flexible: poles(&study.plant.plant.state_space),
         }
     }
 

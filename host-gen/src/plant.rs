@@ -7,25 +7,68 @@
 //! The paper stacks the inputs of Eq. (6) in one order in B and in the other in
 //! u; here the floor always comes first, as in Fig. 4.
 
-use nalgebra::{Complex, DMatrix, DVector, Matrix2, Matrix6, MatrixXx6, Vector2};
+use core::f64::consts::TAU;
+use core::ops::Range;
+
+use nalgebra::{Complex, DMatrix, DVector, Matrix6, MatrixXx6};
 use shared::LEGS;
 use shared::table::Feedback;
 
 use crate::design::Design;
-use crate::machine::{Board, Machine, Performance};
-use crate::multibody::{Multibody, deformation_stiffness, to_dynamic};
+use crate::linear::eigenvectors;
+use crate::machine::{Board, Fault, Machine, MachineError, Performance};
+use crate::multibody::{Modes, Multibody, deformation_stiffness};
 
-/// Outputs y = A·z̈ + D·z + F·q̈_r + B·σ, with z the modal coordinates.
+/// Floor accelerations, then leg forces.
+pub const INPUTS: usize = 2 * LEGS;
+
+/// ẋ = A·x + B·u, y = C·x + D·u with x = (z, ż), z the modal coordinates.
 #[derive(Clone, Debug)]
-pub struct Outputs {
-    /// A, from modal accelerations.
-    pub acceleration: DMatrix<f64>,
-    /// D, from modal displacements.
-    pub displacement: DMatrix<f64>,
-    /// F, straight from the floor.
-    pub floor: MatrixXx6<f64>,
-    /// B, straight from the actuators.
-    pub actuators: MatrixXx6<f64>,
+pub struct StateSpace {
+    /// A, 1/s.
+    pub a: DMatrix<f64>,
+    /// B, columns as [`INPUTS`].
+    pub b: DMatrix<f64>,
+    /// C, rows as [`Plant::sensors`], [`Plant::performance`], [`Plant::whole`].
+    pub c: DMatrix<f64>,
+    /// D.
+    pub d: DMatrix<f64>,
+}
+
+/// One pole of the plant with what drives it and what shows it:
+/// output·input/(s − λ), and the conjugate of it for a pair.
+#[derive(Clone, Debug)]
+pub struct Pole {
+    /// λ, rad/s; of a pair the one above the real axis.
+    pub lambda: Complex<f64>,
+    /// Whether its conjugate is a pole too.
+    pub pair: bool,
+    input: DVector<Complex<f64>>,
+    output: DVector<Complex<f64>>,
+}
+
+/// The plant.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    /// As matrices.
+    pub state_space: StateSpace,
+    /// As poles.
+    pub poles: Vec<Pole>,
+    /// G(0) and G'(0). Accelerations far below the modes are small differences
+    /// of D and the poles' parts; from here they are not.
+    slow: [DMatrix<f64>; 2],
+    performance: usize,
+    /// Floor accelerations that move the base along each rigid mode, 6×6: with
+    /// these for inputs, [`Plant::whole`] is the identity at low frequency.
+    pub rigid_floor: Matrix6<f64>,
+}
+
+/// Outputs y = A·z̈ + D·z + F·q̈_r + B·σ while they are put together.
+struct Outputs {
+    acceleration: DMatrix<f64>,
+    displacement: DMatrix<f64>,
+    floor: MatrixXx6<f64>,
+    actuators: MatrixXx6<f64>,
 }
 
 impl Outputs {
@@ -37,60 +80,137 @@ impl Outputs {
             actuators: MatrixXx6::zeros(count),
         }
     }
-
-    /// How many.
-    pub fn len(&self) -> usize {
-        self.acceleration.nrows()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
 }
 
-/// The plant: modes z̈ + 2ζω·ż + ω²·z = b_r·q̈_r + b_a·σ, and outputs.
-#[derive(Clone, Debug)]
-pub struct Plant {
-    /// ω, rad/s.
-    pub omega: DVector<f64>,
-    /// ζ of every mode.
-    pub damping: f64,
-    /// b_r, modes×6.
-    pub floor: MatrixXx6<f64>,
-    /// b_a, modes×6.
-    pub actuators: MatrixXx6<f64>,
-    /// The six feedback sensors.
-    pub sensors: Outputs,
-    /// The performance accelerations.
-    pub performance: Outputs,
-    /// Acceleration of the machine as a rigid whole, in the modal coordinates
-    /// of the design model: its momentum along each rigid mode, √kg·m/s².
-    pub whole: Outputs,
-    /// Floor accelerations that move the base along each rigid mode, 6×6: with
-    /// these for inputs, [`Plant::whole`] is the identity at low frequency.
-    pub rigid_floor: Matrix6<f64>,
+impl StateSpace {
+    /// From z̈ + Δ·ż + Λ·z = b_r·q̈_r + b_a·σ.
+    fn new(
+        squares: &DVector<f64>,
+        damping: &DMatrix<f64>,
+        floor: &MatrixXx6<f64>,
+        actuators: &MatrixXx6<f64>,
+        outputs: &Outputs,
+    ) -> Self {
+        let n = squares.len();
+        let stiffness = DMatrix::from_diagonal(squares);
+        let mut a = DMatrix::zeros(2 * n, 2 * n);
+        a.view_mut((0, n), (n, n)).fill_with_identity();
+        a.view_mut((n, 0), (n, n)).copy_from(&-&stiffness);
+        a.view_mut((n, n), (n, n)).copy_from(&-damping);
+        let mut b = DMatrix::zeros(2 * n, INPUTS);
+        b.view_mut((n, 0), (n, LEGS)).copy_from(floor);
+        b.view_mut((n, LEGS), (n, LEGS)).copy_from(actuators);
+        let Outputs {
+            acceleration,
+            displacement,
+            ..
+        } = outputs;
+        let mut c = DMatrix::zeros(acceleration.nrows(), 2 * n);
+        c.columns_mut(0, n)
+            .copy_from(&(displacement - acceleration * stiffness));
+        c.columns_mut(n, n).copy_from(&(-acceleration * damping));
+        let mut d = DMatrix::zeros(acceleration.nrows(), INPUTS);
+        d.columns_mut(0, LEGS)
+            .copy_from(&(acceleration * floor + &outputs.floor));
+        d.columns_mut(LEGS, LEGS)
+            .copy_from(&(acceleration * actuators + &outputs.actuators));
+        Self { a, b, c, d }
+    }
+
+    /// Partial fractions. None where A has no full set of eigenvectors, as
+    /// with a mode damped exactly critically.
+    fn poles(&self, squares: &DVector<f64>, damping: &DMatrix<f64>) -> Option<Vec<Pole>> {
+        let n = squares.len();
+        let diagonal = (0..n).all(|i| (0..n).all(|j| i == j || damping[(i, j)] == 0.0));
+        let mut poles = if diagonal {
+            (0..n)
+                .map(|i| self.poles_of_mode(i, squares[i], damping[(i, i)]))
+                .collect::<Option<Vec<_>>>()?
+                .concat()
+        } else {
+            self.coupled_poles()?
+        };
+        poles.sort_by(|a, b| a.lambda.norm().total_cmp(&b.lambda.norm()));
+        Some(poles)
+    }
+
+    /// The poles of one mode, s² + Δ·s + Λ = (s − λ₁)(s − λ₂).
+    fn poles_of_mode(&self, mode: usize, square: f64, damping: f64) -> Option<Vec<Pole>> {
+        let n = self.a.nrows() / 2;
+        let half = 0.5 * damping;
+        let root = Complex::from(half * half - square).sqrt();
+        if root == Complex::ZERO {
+            return None;
+        }
+        let complex = |row: nalgebra::RowDVector<f64>| row.transpose().map(Complex::from);
+        let input = complex(self.b.row(n + mode).into_owned());
+        let shape = |column| self.c.column(column).map(Complex::from);
+        let pole = |root: Complex<f64>, pair| {
+            let lambda = root - half;
+            Pole {
+                lambda,
+                pair,
+                input: &input / (root + root),
+                output: shape(mode) + shape(n + mode) * lambda,
+            }
+        };
+        Some(if square > half * half {
+            vec![pole(root, true)]
+        } else {
+            vec![pole(root, false), pole(-root, false)]
+        })
+    }
+
+    /// The poles of modes that dampers couple.
+    fn coupled_poles(&self) -> Option<Vec<Pole>> {
+        let (values, vectors) = eigenvectors(&self.a)?;
+        let input = vectors.clone().try_inverse()? * self.b.map(Complex::from);
+        let output = self.c.map(Complex::from) * vectors;
+        let zero = 1e-12 * values.iter().map(|z| z.norm()).fold(0.0, f64::max);
+        Some(
+            values
+                .iter()
+                .enumerate()
+                // The one below the real axis comes with the one above.
+                .filter(|(_, lambda)| lambda.im > -zero)
+                .map(|(i, &lambda)| Pole {
+                    lambda,
+                    pair: lambda.im > zero,
+                    input: input.row(i).transpose(),
+                    output: output.column(i).into_owned(),
+                })
+                .collect(),
+        )
+    }
 }
 
 impl Plant {
-    /// The flexible machine.
-    pub fn new(machine: &Machine, model: &Multibody, design: &Design) -> Self {
+    /// The flexible machine with the sensors of `design`.
+    ///
+    /// # Errors
+    /// Where a mode is damped exactly critically.
+    pub fn new(
+        machine: &Machine,
+        model: &Multibody,
+        design: &Design,
+    ) -> Result<Self, MachineError> {
         let modes = model.modes();
-        let n = modes.omega.len();
+        let n = modes.squares.len();
         let shapes = &modes.shapes;
         let floor_inverse = model.floor_inverse();
         let floor = -shapes.transpose() * &model.mass * &model.ride * floor_inverse;
         let actuators = shapes.transpose() * model.elongations.transpose();
 
-        let mut sensors = Outputs::zeros(LEGS, n);
+        let count = machine.performance.len();
+        let mut out = Outputs::zeros(2 * LEGS + count, n);
         match design.feedback {
             Feedback::Acceleration => {
                 let all = machine.accelerometers.iter().flatten();
                 for (i, sensor) in all.enumerate() {
                     let (relative, ride) = model.direction(machine, sensor);
                     let row = relative.transpose() * shapes;
-                    sensors.acceleration.row_mut(i).copy_from(&row);
-                    sensors.floor.row_mut(i).copy_from(&(ride * floor_inverse));
+                    out.acceleration.row_mut(i).copy_from(&row);
+                    out.floor.row_mut(i).copy_from(&(ride * floor_inverse));
                 }
             }
             Feedback::Force => {
@@ -100,34 +220,30 @@ impl Plant {
                         if actuator == beam {
                             let axial = deformation_stiffness(&machine.beams[beam])[(0, 0)];
                             let row = model.elongations.row(j) * shapes * -axial;
-                            sensors.displacement.row_mut(i).copy_from(&row);
-                            sensors.actuators[(i, j)] = 1.0;
+                            out.displacement.row_mut(i).copy_from(&row);
+                            out.actuators[(i, j)] = 1.0;
                         }
                     }
                 }
             }
         }
-
-        let mut performance = Outputs::zeros(machine.performance.len(), n);
         for (i, output) in machine.performance.iter().enumerate() {
+            let at = LEGS + i;
             match output {
                 Performance::Deformation(d) => {
                     let row = model.deformation(machine, *d).transpose() * shapes;
-                    performance.acceleration.row_mut(i).copy_from(&row);
+                    out.acceleration.row_mut(at).copy_from(&row);
                 }
                 Performance::Acceleration(d) => {
                     let (relative, ride) = model.direction(machine, d);
                     let row = relative.transpose() * shapes;
-                    performance.acceleration.row_mut(i).copy_from(&row);
-                    performance
-                        .floor
-                        .row_mut(i)
-                        .copy_from(&(ride * floor_inverse));
+                    out.acceleration.row_mut(at).copy_from(&row);
+                    out.floor.row_mut(at).copy_from(&(ride * floor_inverse));
                 }
             }
         }
-
-        // Rigid modes in the motion of the whole: b = E_s⁻¹·S·w.
+        // The machine as a rigid whole: its momentum along each rigid mode,
+        // whose shape in the motion of the whole is b = E_s⁻¹·S·w.
         let rigid_modes = design
             .rigid
             .elongations
@@ -135,148 +251,174 @@ impl Plant {
             .expect("the elongations were checked to be independent")
             * design.modal;
         let momentum = rigid_modes.transpose() * model.ride.transpose() * &model.mass;
-        let mut whole = Outputs::zeros(LEGS, n);
-        whole.acceleration.copy_from(&(&momentum * shapes));
-        whole
-            .floor
+        out.acceleration
+            .rows_mut(LEGS + count, LEGS)
+            .copy_from(&(&momentum * shapes));
+        out.floor
+            .rows_mut(LEGS + count, LEGS)
             .copy_from(&(&momentum * &model.ride * floor_inverse));
 
-        Self {
-            omega: modes.omega,
-            damping: machine.modal_damping,
-            floor,
-            actuators,
-            sensors,
-            performance,
-            whole,
+        let Modes {
+            squares, damping, ..
+        } = &modes;
+        let state_space = StateSpace::new(squares, damping, &floor, &actuators, &out);
+        let poles = state_space.poles(squares, damping).ok_or_else(|| {
+            machine.locate(Fault::new(
+                "damping",
+                "a mode is damped exactly critically; change the damping a little",
+            ))
+        })?;
+        // 1/(s² + Δ·s + Λ) is Λ⁻¹ − s·Λ⁻¹·Δ·Λ⁻¹ + …; accelerations start at s².
+        let soft = DMatrix::from_diagonal(&squares.map(f64::recip));
+        let mut value = DMatrix::zeros(state_space.d.nrows(), INPUTS);
+        value.columns_mut(0, LEGS).copy_from(&out.floor);
+        value.columns_mut(LEGS, LEGS).copy_from(&out.actuators);
+        let input = state_space.b.rows(n, n);
+        value += &out.displacement * &soft * input;
+        let slope = -(&out.displacement * &soft * damping * &soft * input);
+        Ok(Self {
+            state_space,
+            poles,
+            slow: [value, slope],
+            performance: count,
             rigid_floor: model.floor * rigid_modes,
-        }
+        })
     }
 
-    /// The design model itself as a plant: undamped, and with force sensors
-    /// that measure all of K_d·q, as section 4 of the paper assumes.
-    pub fn of_design(design: &Design) -> Self {
+    /// The design model as matrices, its sensors only: undamped, and with force
+    /// sensors that measure all of K_d·q, as section 4 of the paper assumes.
+    pub fn of_design(design: &Design) -> StateSpace {
         let s = &design.modal;
-        let mut sensors = Outputs::zeros(LEGS, LEGS);
+        let mut out = Outputs::zeros(LEGS, LEGS);
         match design.feedback {
-            Feedback::Acceleration => sensors.acceleration = to_dynamic(&(design.sensing * s)),
+            Feedback::Acceleration => out
+                .acceleration
+                .rows_mut(0, LEGS)
+                .copy_from(&(design.sensing * s)),
             Feedback::Force => {
                 let displacement = -(design.sensing * design.rigid.stiffness * s);
-                sensors.displacement = to_dynamic(&displacement);
-                sensors.actuators.copy_from(&design.sensing);
+                out.displacement.rows_mut(0, LEGS).copy_from(&displacement);
+                out.actuators.rows_mut(0, LEGS).copy_from(&design.sensing);
             }
         }
-        Self {
-            omega: DVector::from_column_slice(&design.omega),
-            damping: 0.0,
-            floor: by_six(&-(s.transpose() * design.rigid.rheonomic)),
-            actuators: by_six(&s.transpose()),
-            sensors,
-            performance: Outputs::zeros(0, LEGS),
-            whole: Outputs::zeros(0, LEGS),
-            rigid_floor: Matrix6::identity(),
-        }
+        let by_six = |m: Matrix6<f64>| MatrixXx6::from_column_slice(m.as_slice());
+        StateSpace::new(
+            &DVector::from_iterator(LEGS, design.omega.iter().map(|w| w * w)),
+            &DMatrix::zeros(LEGS, LEGS),
+            &by_six(-(s.transpose() * design.rigid.rheonomic)),
+            &by_six(s.transpose()),
+            &out,
+        )
+    }
+
+    /// Rows of the six feedback sensors.
+    pub fn sensors(&self) -> Range<usize> {
+        0..LEGS
+    }
+
+    /// Rows of the performance accelerations.
+    pub fn performance(&self) -> Range<usize> {
+        LEGS..LEGS + self.performance
+    }
+
+    /// Rows of the acceleration of the machine as a rigid whole, in the modal
+    /// coordinates of the design model: its momentum along each rigid mode,
+    /// √kg·m/s².
+    pub fn whole(&self) -> Range<usize> {
+        LEGS + self.performance..2 * LEGS + self.performance
+    }
+
+    /// The pole pairs as resonances: Hz and half width, Hz.
+    pub fn peaks(&self) -> Vec<(f64, f64)> {
+        pole_peaks(self.poles.iter().map(|pole| &pole.lambda))
     }
 
     /// All transfer functions at `hz`.
     pub fn response(&self, hz: f64) -> Response {
-        let s = Complex::new(0.0, core::f64::consts::TAU * hz);
-        let displacement = self
-            .omega
-            .map(|w| (s * s + s * (2.0 * self.damping * w) + w * w).inv());
-        let floor = Modal {
-            acceleration: displacement.map(|h| s * s * h),
-            displacement,
-        };
-        Response::new(self, &floor, &floor, Complex::ONE)
+        let s = Complex::new(0.0, TAU * hz);
+        let [value, slope] = &self.slow;
+        let start = value.zip_map(slope, |value, slope| s * slope + value);
+        // c·b/(s − λ) less its value and slope at zero.
+        self.sum(start, |_, lambda| {
+            let ratio = s / lambda;
+            let gain = ratio * ratio / (s - lambda);
+            [gain, gain]
+        })
+    }
+
+    /// `matrix` + Σ output·gain·input over all poles; `gain` gives, for a pole
+    /// and λ or its conjugate, what floor and forces are to be multiplied by.
+    fn sum(
+        &self,
+        mut matrix: DMatrix<Complex<f64>>,
+        gain: impl Fn(usize, Complex<f64>) -> [Complex<f64>; 2],
+    ) -> Response {
+        for (k, pole) in self.poles.iter().enumerate() {
+            let of_pole = gain(k, pole.lambda);
+            let of_conjugate = if pole.pair {
+                gain(k, pole.lambda.conj())
+            } else {
+                [Complex::ZERO; 2]
+            };
+            for (j, input) in pole.input.iter().enumerate() {
+                let group = j / LEGS;
+                let direct = of_pole[group] * input;
+                let conjugate = of_conjugate[group] * input.conj();
+                for (entry, output) in matrix.column_mut(j).iter_mut().zip(&pole.output) {
+                    *entry += output * direct + output.conj() * conjugate;
+                }
+            }
+        }
+        Response { matrix }
     }
 }
 
-fn by_six(matrix: &Matrix6<f64>) -> MatrixXx6<f64> {
-    MatrixXx6::from_column_slice(matrix.as_slice())
+/// Frequency response of the plant at one frequency: floor accelerations and
+/// leg forces to sensors, performance and the whole.
+#[derive(Clone, Debug)]
+pub struct Response {
+    matrix: DMatrix<Complex<f64>>,
 }
 
 /// Any number of outputs from six inputs, as complex gains.
 pub type Gain = MatrixXx6<Complex<f64>>;
 
-/// What a unit modal force gives in each mode.
-struct Modal {
-    acceleration: DVector<Complex<f64>>,
-    displacement: DVector<Complex<f64>>,
-}
-
-/// Frequency response of the plant at one frequency.
-#[derive(Clone, Debug)]
-pub struct Response {
-    /// Floor → sensors (G21), 6×6.
-    pub floor_to_sensors: Matrix6<Complex<f64>>,
-    /// Actuators → sensors (G22), 6×6.
-    pub actuators_to_sensors: Matrix6<Complex<f64>>,
-    /// Floor → performance (G11).
-    pub floor_to_performance: Gain,
-    /// Actuators → performance (G12).
-    pub actuators_to_performance: Gain,
-    /// Rigid floor motion → the rigid whole, 6×6.
-    pub floor_to_whole: Gain,
-    /// Actuators → the rigid whole, 6×6.
-    pub actuators_to_whole: Gain,
-}
-
 impl Response {
-    /// `seen` is the part of an actuator's force that a direct path shows.
-    fn new(plant: &Plant, floor: &Modal, actuators: &Modal, seen: Complex<f64>) -> Self {
-        let complex = |m: &MatrixXx6<f64>| m.map(Complex::from);
-        let through = |out: &Outputs, by: &Modal, input: &MatrixXx6<f64>| {
-            let mut rows = out.acceleration.map(Complex::from);
-            for (j, mut column) in rows.column_iter_mut().enumerate() {
-                column *= by.acceleration[j];
-                for (i, entry) in column.iter_mut().enumerate() {
-                    *entry += by.displacement[j] * out.displacement[(i, j)];
-                }
-            }
-            rows * complex(input)
-        };
-        let from_floor = |out: &Outputs| through(out, floor, &plant.floor) + complex(&out.floor);
-        let from_actuators = |out: &Outputs| {
-            through(out, actuators, &plant.actuators) + complex(&out.actuators) * seen
-        };
-        let six = |m: Gain| m.fixed_rows::<LEGS>(0).into_owned();
-        let rigid = plant.rigid_floor.map(Complex::from);
-        Self {
-            floor_to_sensors: six(from_floor(&plant.sensors)),
-            actuators_to_sensors: six(from_actuators(&plant.sensors)),
-            floor_to_performance: from_floor(&plant.performance),
-            actuators_to_performance: from_actuators(&plant.performance),
-            floor_to_whole: from_floor(&plant.whole) * rigid,
-            actuators_to_whole: from_actuators(&plant.whole),
-        }
+    /// From floor accelerations to these rows.
+    pub fn from_floor(&self, rows: Range<usize>) -> Gain {
+        self.block(rows, 0)
     }
 
-    /// Closes the loop with σ = C·y; `None` opens it. Gives floor → performance
-    /// and rigid floor motion → rigid whole.
-    pub fn close(&self, plant: &Plant, controller: Option<&Matrix6<Complex<f64>>>) -> (Gain, Gain) {
-        let Some(c) = controller else {
-            return (
-                self.floor_to_performance.clone(),
-                self.floor_to_whole.clone(),
-            );
-        };
+    /// From leg forces to these rows.
+    pub fn from_legs(&self, rows: Range<usize>) -> Gain {
+        self.block(rows, LEGS)
+    }
+
+    /// Leg forces to sensors, G22.
+    pub fn g22(&self) -> Matrix6<Complex<f64>> {
+        self.matrix.fixed_view::<LEGS, LEGS>(0, LEGS).into_owned()
+    }
+
+    fn block(&self, rows: Range<usize>, column: usize) -> Gain {
+        let view = self.matrix.rows_range(rows);
+        view.fixed_columns::<LEGS>(column).into_owned()
+    }
+
+    /// Floor accelerations to `rows` with the loop closed by σ = C·y.
+    pub fn close(&self, rows: Range<usize>, controller: &Matrix6<Complex<f64>>) -> Gain {
         // σ = C·(1 − G22·C)⁻¹·G21·q̈_r
-        let difference = Matrix6::identity() - self.actuators_to_sensors * c;
-        let Some(inverse) = difference.try_inverse() else {
+        let difference = Matrix6::identity() - self.g22() * controller;
+        match difference.try_inverse() {
+            Some(inverse) => {
+                let g21 = self.matrix.fixed_view::<LEGS, LEGS>(0, 0);
+                let force = controller * inverse * g21;
+                self.from_floor(rows.clone()) + self.from_legs(rows) * force
+            }
             // Exactly on a closed-loop pole.
-            let infinite = |m: &Gain| m.map(|_| Complex::from(f64::INFINITY));
-            return (
-                infinite(&self.floor_to_performance),
-                infinite(&self.floor_to_whole),
-            );
-        };
-        let force = c * inverse * self.floor_to_sensors;
-        let rigid = force * plant.rigid_floor.map(Complex::from);
-        (
-            &self.floor_to_performance + &self.actuators_to_performance * force,
-            &self.floor_to_whole + &self.actuators_to_whole * rigid,
-        )
+            None => self
+                .from_floor(rows)
+                .map(|_| Complex::from(f64::INFINITY)),
+        }
     }
 }
 
@@ -291,32 +433,40 @@ pub fn largest_singular_value(matrix: &Gain) -> f64 {
     matrix.singular_values().max()
 }
 
-/// One mode over a sample period, exactly, for inputs held in between.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SampledMode {
-    /// Transition of (z, ż) over a period.
-    pub(crate) transition: Matrix2<f64>,
-    /// From a modal force held over the whole period.
-    pub(crate) whole: Vector2<f64>,
-    /// From one held from its start until the latch.
-    pub(crate) before: Vector2<f64>,
-    /// From one held from the latch until its end.
-    pub(crate) after: Vector2<f64>,
+/// Lightly damped poles, rad/s, as peaks: Hz and half width, Hz.
+pub fn pole_peaks<'a>(poles: impl IntoIterator<Item = &'a Complex<f64>>) -> Vec<(f64, f64)> {
+    poles
+        .into_iter()
+        .filter(|s| s.im > 0.0 && s.re.abs() < 0.3 * s.im)
+        .map(|s| (s.im / TAU, s.re.abs().max(1e-4 * s.im) / TAU))
+        .collect()
 }
 
-/// Transition of (z, ż) over `t` and the effect of a unit force held for it.
-fn propagate(omega: f64, damping: f64, t: f64) -> (Matrix2<f64>, Vector2<f64>) {
-    let rate = damping * omega;
-    let damped = omega * (1.0 - damping * damping).sqrt();
-    let (sin, cos) = (damped * t).sin_cos();
-    let decay = (-rate * t).exp();
-    let s = sin / damped;
-    let transition = decay * Matrix2::new(cos + rate * s, s, -omega * omega * s, cos - rate * s);
-    // 1 − decay·(cos + rate·s), written without taking nearly equal numbers
-    // from each other.
-    let half = (0.5 * damped * t).sin();
-    let rest = 2.0 * half * half - cos * (-rate * t).exp_m1() - decay * rate * s;
-    (transition, Vector2::new(rest / (omega * omega), decay * s))
+/// One pole over a sample period, exactly, for inputs held in between.
+#[derive(Clone, Copy, Debug)]
+struct SampledPole {
+    /// e^(λT).
+    transition: Complex<f64>,
+    /// From an input held over the whole period.
+    whole: Complex<f64>,
+    /// From one held from its start until the latch.
+    before: Complex<f64>,
+    /// From one held from the latch until its end.
+    after: Complex<f64>,
+}
+
+/// (e^(λt) − 1)/λ, the effect of an input held for `t`, without taking nearly
+/// equal numbers from each other.
+fn held(lambda: Complex<f64>, t: f64) -> Complex<f64> {
+    let x = lambda * t;
+    let half = (0.5 * x.im).sin();
+    let real = x.re.exp_m1() * x.im.cos() - 2.0 * half * half;
+    let difference = Complex::new(real, x.re.exp() * x.im.sin());
+    if x == Complex::ZERO {
+        Complex::from(t)
+    } else {
+        difference / lambda
+    }
 }
 
 /// The plant as the board sees it: sampled at kT, forces latched a while later
@@ -328,13 +478,28 @@ fn propagate(omega: f64, damping: f64, t: f64) -> (Matrix2<f64>, Vector2<f64>) {
 /// whose converter samples on the edge that also latches.
 #[derive(Clone, Debug)]
 pub struct SampledPlant {
-    pub(crate) modes: Vec<SampledMode>,
+    poles: Vec<SampledPole>,
     /// m.
     pub(crate) whole_periods: usize,
     /// T, s.
     pub period: f64,
     /// The continuous plant.
     pub plant: Plant,
+}
+
+/// The sampled plant as real matrices: a block of one or two states a pole.
+pub(crate) struct SampledStateSpace {
+    /// The diagonal blocks, by pole: first state, real and imaginary part of
+    /// e^(λT), and whether there are two states.
+    pub(crate) blocks: Vec<(usize, Complex<f64>, bool)>,
+    /// From floor accelerations held over the period.
+    pub(crate) floor: MatrixXx6<f64>,
+    /// From the forces latched in this period.
+    pub(crate) after: MatrixXx6<f64>,
+    /// From the forces they take over from.
+    pub(crate) before: MatrixXx6<f64>,
+    /// All outputs from the states.
+    pub(crate) output: DMatrix<f64>,
 }
 
 impl SampledPlant {
@@ -349,23 +514,22 @@ impl SampledPlant {
         } else {
             (periods.floor(), (periods - periods.floor()) * period)
         };
-        let modes = plant
-            .omega
+        let poles = plant
+            .poles
             .iter()
-            .map(|&omega| {
-                let (transition, whole) = propagate(omega, plant.damping, period);
-                let (rest, after) = propagate(omega, plant.damping, period - part);
-                let (_, early) = propagate(omega, plant.damping, part);
-                SampledMode {
-                    transition,
-                    whole,
-                    before: rest * early,
-                    after,
+            .map(|pole| {
+                let lambda = pole.lambda;
+                let rest = period - part;
+                SampledPole {
+                    transition: (lambda * period).exp(),
+                    whole: held(lambda, period),
+                    before: (lambda * rest).exp() * held(lambda, part),
+                    after: held(lambda, rest),
                 }
             })
             .collect();
         Self {
-            modes,
+            poles,
             // At most eight: checked with the file.
             whole_periods: whole_periods as usize,
             period,
@@ -380,7 +544,7 @@ impl SampledPlant {
 
     /// e^(jωT) at `hz`.
     pub fn z(&self, hz: f64) -> Complex<f64> {
-        Complex::cis(core::f64::consts::TAU * hz * self.period)
+        Complex::cis(TAU * hz * self.period)
     }
 
     /// All transfer functions of the sampled plant at `hz`, forces counted from
@@ -389,28 +553,71 @@ impl SampledPlant {
         let z = self.z(hz);
         let delay = z.powi(-(self.whole_periods as i32));
         let seen = delay / z;
-        let modal = |input: &dyn Fn(&SampledMode) -> Vector2<Complex<f64>>, direct| {
-            let damping = self.plant.damping;
-            let pairs = self.modes.iter().zip(&self.plant.omega).map(|(mode, &w)| {
-                let resolvent =
-                    Matrix2::from_diagonal_element(z) - mode.transition.map(Complex::from);
-                let state = resolvent
-                    .try_inverse()
-                    .map_or_else(Vector2::zeros, |inverse| inverse * input(mode));
-                let acceleration = direct - state[0] * (w * w) - state[1] * (2.0 * damping * w);
-                (acceleration, state[0])
-            });
-            let (acceleration, displacement): (Vec<_>, Vec<_>) = pairs.unzip();
-            Modal {
-                acceleration: DVector::from_vec(acceleration),
-                displacement: DVector::from_vec(displacement),
+        let mut direct = self.plant.state_space.d.map(Complex::from);
+        for entry in direct.columns_mut(LEGS, LEGS).iter_mut() {
+            *entry *= seen;
+        }
+        self.plant.sum(direct, |k, lambda| {
+            let pole = &self.poles[k];
+            let of = |x: Complex<f64>| {
+                if lambda == self.plant.poles[k].lambda {
+                    x
+                } else {
+                    x.conj()
+                }
+            };
+            let gain = (z - of(pole.transition)).inv();
+            [
+                gain * of(pole.whole),
+                gain * (of(pole.after) * delay + of(pole.before) * seen),
+            ]
+        })
+    }
+
+    /// As real matrices, for marching and for eigenvalues.
+    pub(crate) fn state_space(&self) -> SampledStateSpace {
+        let mut blocks = Vec::new();
+        let mut states = 0;
+        for (sampled, pole) in self.poles.iter().zip(&self.plant.poles) {
+            blocks.push((states, sampled.transition, pole.pair));
+            states += 1 + usize::from(pole.pair);
+        }
+        let outputs = self.plant.state_space.c.nrows();
+        let mut floor = MatrixXx6::zeros(states);
+        let mut after = MatrixXx6::zeros(states);
+        let mut before = MatrixXx6::zeros(states);
+        let mut output = DMatrix::zeros(outputs, states);
+        for ((sampled, pole), &(at, _, pair)) in
+            self.poles.iter().zip(&self.plant.poles).zip(&blocks)
+        {
+            for j in 0..LEGS {
+                let (by_floor, by_leg) = (pole.input[j], pole.input[LEGS + j]);
+                let put = |matrix: &mut MatrixXx6<f64>, x: Complex<f64>| {
+                    matrix[(at, j)] = x.re;
+                    if pair {
+                        matrix[(at + 1, j)] = x.im;
+                    }
+                };
+                put(&mut floor, sampled.whole * by_floor);
+                put(&mut after, sampled.after * by_leg);
+                put(&mut before, sampled.before * by_leg);
             }
-        };
-        let floor = modal(&|mode| mode.whole.map(Complex::from), Complex::ONE);
-        let actuators = modal(
-            &|mode| mode.after.map(Complex::from) * delay + mode.before.map(Complex::from) * seen,
-            seen,
-        );
-        Response::new(&self.plant, &floor, &actuators, seen)
+            // y = output·ξ plus its conjugate for a pair.
+            for (i, c) in pole.output.iter().enumerate() {
+                if pair {
+                    output[(i, at)] = 2.0 * c.re;
+                    output[(i, at + 1)] = -2.0 * c.im;
+                } else {
+                    output[(i, at)] = c.re;
+                }
+            }
+        }
+        SampledStateSpace {
+            blocks,
+            floor,
+            after,
+            before,
+            output,
+        }
     }
 }

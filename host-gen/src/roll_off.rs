@@ -11,12 +11,11 @@ use shared::LEGS;
 use shared::table::{TableError, ValidTable};
 
 use crate::closed_loop::{
-    LinearLaw, LoopGrid, PeakSensitivity, SampledLoop, corner, grid, ideal_response, modal_peaks,
-    pole_peaks, stable,
+    LinearLaw, LoopGrid, PeakSensitivity, SampledLoop, close_ideal, corner, grid, stable,
 };
 use crate::design::{Design, Gains, ideal_poles};
 use crate::machine::{Machine, Target};
-use crate::plant::{SampledPlant, largest_singular_value};
+use crate::plant::{SampledPlant, largest_singular_value, pole_peaks};
 use crate::table;
 
 /// The sampled loop's corner may lie this much above the ideal loop's before
@@ -198,18 +197,17 @@ impl Search<'_> {
         let gains = self.design.gains(&target);
         let loops = LoopGrid::new(self.plant, &self.design.modal, LOWEST * target.frequency);
         let (trial, peak_sensitivity) = self.highest_corner(&target, &gains, &loops)?;
-        let ideal_poles = ideal_poles(&self.plant.plant, &gains).ok_or_else(unsolved)?;
+        let ideal_poles = ideal_poles(&self.plant.plant.state_space, &gains).ok_or_else(unsolved)?;
 
         let low = 0.1 * target.frequency;
         let high = 3.0 * self.design.hertz()[LEGS - 1].max(target.frequency);
         let sampled = self.closed(&trial.table);
         let plant = &self.plant.plant;
         let isolation_from_hz = corner(low, high, &pole_peaks(&trial.poles), |hz| {
-            sampled.close(hz).1
+            sampled.transmissibility(hz)
         });
         let isolation_from_ideal_hz = corner(low, high, &pole_peaks(&ideal_poles), |hz| {
-            let law = ideal_response(&gains, hz);
-            plant.response(hz).close(plant, Some(&law)).1
+            close_ideal(plant, &gains, hz, plant.whole()) * plant.rigid_floor.map(Complex::from)
         });
         if isolation_from_hz > CORNER_SLACK * isolation_from_ideal_hz {
             return Err(Miss::Late {
@@ -374,19 +372,23 @@ impl Search<'_> {
                 name: name.clone(),
                 low_hz: *low,
                 high_hz: *high,
-                open_db: peak(*low, *high, &modal_peaks(plant), &|hz| {
-                    largest_singular_value(&plant.response(hz).floor_to_performance)
+                open_db: peak(*low, *high, &plant.peaks(), &|hz| {
+                    largest_singular_value(&plant.response(hz).from_floor(plant.performance()))
                 }),
                 ideal_db: if stable(&found.ideal_poles) {
                     peak(*low, *high, &pole_peaks(&found.ideal_poles), &|hz| {
-                        let law = ideal_response(&found.gains, hz);
-                        largest_singular_value(&plant.response(hz).close(plant, Some(&law)).0)
+                        largest_singular_value(&close_ideal(
+                            plant,
+                            &found.gains,
+                            hz,
+                            plant.performance(),
+                        ))
                     })
                 } else {
                     f64::NAN
                 },
                 sampled_db: peak(*low, *high, &pole_peaks(&found.trial.poles), &|hz| {
-                    largest_singular_value(&closed.close(hz).0)
+                    largest_singular_value(&closed.close(hz, plant.performance()))
                 }),
             })
             .collect()

@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{DMatrix, DVector, MatrixXx6, Vector6};
+use nalgebra::{DVector, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -14,7 +14,7 @@ use shared::step::{State, step};
 use shared::table::ValidTable;
 
 use crate::machine::{Board, Simulation};
-use crate::plant::{Outputs, SampledPlant};
+use crate::plant::{SampledPlant, SampledStateSpace};
 
 /// White noise, then two second-order Butterworth filters at the band's ends.
 struct BandNoise {
@@ -92,55 +92,11 @@ impl BandNoise {
     }
 }
 
-/// Outputs from the state (z then ż of every mode) and the inputs.
-struct OutputMap {
-    state: DMatrix<f64>,
-    floor: MatrixXx6<f64>,
-    force: MatrixXx6<f64>,
-}
-
-impl OutputMap {
-    fn new(plant: &SampledPlant, out: &Outputs) -> Self {
-        let model = &plant.plant;
-        let n = model.omega.len();
-        let mut state = DMatrix::zeros(out.len(), 2 * n);
-        for i in 0..n {
-            let w = model.omega[i];
-            let acceleration = out.acceleration.column(i);
-            state
-                .column_mut(i)
-                .copy_from(&(out.displacement.column(i) - acceleration * (w * w)));
-            state
-                .column_mut(n + i)
-                .copy_from(&(acceleration * (-2.0 * model.damping * w)));
-        }
-        Self {
-            state,
-            floor: &out.acceleration * &model.floor + &out.floor,
-            force: &out.acceleration * &model.actuators + &out.actuators,
-        }
-    }
-
-    fn evaluate(
-        &self,
-        x: &DVector<f64>,
-        floor: &Vector6<f64>,
-        force: &Vector6<f64>,
-    ) -> DVector<f64> {
-        let mut y = &self.state * x;
-        y.gemv(1.0, &self.floor, floor, 1.0);
-        y.gemv(1.0, &self.force, force, 1.0);
-        y
-    }
-}
-
 /// The machine with its converters: takes DAC codes, gives ADC codes.
 pub struct Rig {
     plant: SampledPlant,
     board: Board,
-    sensors: OutputMap,
-    performance: OutputMap,
-    /// z of every mode, then ż.
+    matrices: SampledStateSpace,
     state: DVector<f64>,
     /// Forces latched or on their way, the latest first.
     forces: VecDeque<Vector6<f64>>,
@@ -155,15 +111,15 @@ pub struct Rig {
 impl Rig {
     /// At rest, with the floor noise and seed of `settings`.
     pub fn new(plant: SampledPlant, board: &Board, settings: &Simulation) -> Self {
+        let matrices = plant.state_space();
         let stream = |number| {
             let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
             random.set_stream(number);
             random
         };
         Self {
-            sensors: OutputMap::new(&plant, &plant.plant.sensors),
-            performance: OutputMap::new(&plant, &plant.plant.performance),
-            state: DVector::zeros(2 * plant.plant.omega.len()),
+            state: DVector::zeros(matrices.output.ncols()),
+            matrices,
             forces: vec![Vector6::zeros(); plant.seen_delay() + 1].into(),
             floor_noise: BandNoise::new(settings, plant.period, stream(0)),
             sensor_noise: stream(1),
@@ -185,7 +141,11 @@ impl Rig {
     pub fn sample(&mut self) -> ([AdcCode; LEGS], DVector<f64>) {
         self.floor = self.floor_noise.sample() * self.floor_gain;
         let seen = self.forces[self.plant.whole_periods];
-        let y = self.sensors.evaluate(&self.state, &self.floor, &seen);
+        let plant = &self.plant.plant;
+        let direct = &plant.state_space.d;
+        let mut y = &self.matrices.output * &self.state;
+        y.gemv(1.0, &direct.columns(0, LEGS), &self.floor, 1.0);
+        y.gemv(1.0, &direct.columns(LEGS, LEGS), &seen, 1.0);
         let board = &self.board;
         // White noise of that density up to half the sample rate.
         let noise = board.sensor.noise_density * (0.5 * board.sample_rate).sqrt();
@@ -196,7 +156,7 @@ impl Rig {
                 + board.adc_noise * normal();
             board.adc.code(volts)
         });
-        let performance = self.performance.evaluate(&self.state, &self.floor, &seen);
+        let performance = y.rows_range(plant.performance()).into_owned();
         (codes, performance)
     }
 
@@ -210,21 +170,27 @@ impl Rig {
         });
         self.forces.pop_back();
         self.forces.push_front(force);
-        let model = &self.plant.plant;
-        let n = model.omega.len();
         let late = self.plant.whole_periods;
-        let floor = &model.floor * self.floor;
-        let after = &model.actuators * self.forces[late];
-        let before = &model.actuators * self.forces[late + 1];
-        for (i, mode) in self.plant.modes.iter().enumerate() {
-            let now = nalgebra::Vector2::new(self.state[i], self.state[n + i]);
-            let next = mode.transition * now
-                + mode.whole * floor[i]
-                + mode.after * after[i]
-                + mode.before * before[i];
-            self.state[i] = next[0];
-            self.state[n + i] = next[1];
+        let SampledStateSpace {
+            blocks,
+            floor,
+            after,
+            before,
+            ..
+        } = &self.matrices;
+        let x = &mut self.state;
+        for &(at, z, pair) in blocks {
+            if pair {
+                let (re, im) = (x[at], x[at + 1]);
+                x[at] = z.re * re - z.im * im;
+                x[at + 1] = z.im * re + z.re * im;
+            } else {
+                x[at] *= z.re;
+            }
         }
+        x.gemv(1.0, floor, &self.floor, 1.0);
+        x.gemv(1.0, after, &self.forces[late], 1.0);
+        x.gemv(1.0, before, &self.forces[late + 1], 1.0);
     }
 }
 
@@ -255,7 +221,7 @@ pub fn run(
     closed: bool,
 ) -> Run {
     let mut rig = Rig::new(plant.clone(), board, settings);
-    let count = plant.plant.performance.len();
+    let count = plant.plant.performance().len();
     let mut run = Run {
         rms: vec![0.0; count],
         peak: vec![0.0; count],

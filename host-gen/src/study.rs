@@ -28,7 +28,7 @@ impl Study {
         let model = Multibody::new(&machine)?;
         let design = Design::new(&machine, &model, machine.target.feedback)?;
         let gains = design.gains(&machine.target);
-        let plant = SampledPlant::new(Plant::new(&machine, &model, &design), &machine.board);
+        let plant = SampledPlant::new(Plant::new(&machine, &model, &design)?, &machine.board);
         Ok(Self {
             machine,
             model,

@@ -119,7 +119,7 @@ fn ideal_loops_as_in_figure_5() {
             ("control.feedback", feedback),
             ("damping.modal", "0.0"),
         ]));
-        let poles = ideal_poles(&study.plant.plant, &study.gains).unwrap();
+        let poles = ideal_poles(&study.plant.plant.state_space, &study.gains).unwrap();
         let mut hz: Vec<f64> = poles
             .iter()
             .filter(|s| s.im > 0.0)
@@ -178,7 +178,7 @@ fn modal_matrix_and_sensing() {
 fn modal_plant_is_the_equation_of_motion() {
     use nalgebra::Complex;
     let study = frame();
-    let equation = study.model.equation_of_motion(0.005);
+    let equation = study.model.equation_of_motion();
     let complex = |m: &DMatrix<f64>| m.map(Complex::from);
     for hz in [0.3, 13.9, 20.0, 60.0, 83.138, 250.0] {
         let s = Complex::new(0.0, TAU * hz);
@@ -194,11 +194,12 @@ fn modal_plant_is_the_equation_of_motion() {
         let legs = lu.solve(&equation.input.map(Complex::from)).unwrap() * s * s;
         let response = study.plant.plant.response(hz);
         // q_d's last six are the performance outputs.
-        let error = (floor.rows(6, 6) - &response.floor_to_performance).camax()
-            / response.floor_to_performance.camax();
+        let rows = study.plant.plant.performance();
+        let found = response.from_floor(rows.clone());
+        let error = (floor.rows(6, 6) - &found).camax() / found.camax();
         assert!(error < 1e-9, "floor, {hz} Hz: {error:.1e}");
-        let error = (legs.rows(6, 6) - &response.actuators_to_performance).camax()
-            / response.actuators_to_performance.camax();
+        let found = response.from_legs(rows);
+        let error = (legs.rows(6, 6) - &found).camax() / found.camax();
         assert!(error < 1e-9, "legs, {hz} Hz: {error:.1e}");
     }
     assert!(Cholesky::new(equation.mass).is_some());

@@ -7,40 +7,12 @@ use core::f64::consts::TAU;
 use common::{edited, frame, study};
 use host_gen::closed_loop::{LinearLaw, LoopGrid, SampledLoop, stable};
 use host_gen::machine::Simulation;
-use host_gen::plant::{Plant, largest_singular_value};
+use host_gen::plant::{StateSpace, largest_singular_value};
 use host_gen::roll_off::{Nearest, RollOffError};
 use host_gen::simulation::run;
 use host_gen::study::Study;
 use host_gen::table::build;
 use nalgebra::{Complex, DMatrix, Matrix6};
-
-/// State space of the plant, x = (z, ż), inputs floor then legs; outputs the
-/// sensors.
-fn state_space(plant: &Plant) -> [DMatrix<f64>; 4] {
-    let n = plant.omega.len();
-    let mut a = DMatrix::zeros(2 * n, 2 * n);
-    let mut b = DMatrix::zeros(2 * n, 12);
-    let mut c = DMatrix::zeros(6, 2 * n);
-    let out = &plant.sensors;
-    for i in 0..n {
-        let w = plant.omega[i];
-        a[(i, n + i)] = 1.0;
-        a[(n + i, i)] = -w * w;
-        a[(n + i, n + i)] = -2.0 * plant.damping * w;
-        for j in 0..6 {
-            b[(n + i, j)] = plant.floor[(i, j)];
-            b[(n + i, 6 + j)] = plant.actuators[(i, j)];
-            c[(j, i)] = out.displacement[(j, i)] - out.acceleration[(j, i)] * w * w;
-            c[(j, n + i)] = -out.acceleration[(j, i)] * 2.0 * plant.damping * w;
-        }
-    }
-    let floor = &out.acceleration * &plant.floor + &out.floor;
-    let legs = &out.acceleration * &plant.actuators + &out.actuators;
-    let mut d = DMatrix::zeros(6, 12);
-    d.columns_mut(0, 6).copy_from(&floor);
-    d.columns_mut(6, 6).copy_from(&legs);
-    [a, b, c, d]
-}
 
 /// e^(At) and the integral of e^(As)·B over t, by one exponential of an
 /// augmented matrix.
@@ -72,7 +44,8 @@ fn sampling_is_exact() {
             ("board.output_delay", &format!("{latch:?}")),
         ]));
         let period = 50e-6;
-        let [a, b, c, d] = state_space(&study.plant.plant);
+        let StateSpace { a, b, c, d } = study.plant.plant.state_space.clone();
+        let (c, d) = (c.rows(0, 6).into_owned(), d.rows(0, 6).into_owned());
         let legs = b.columns(6, 6).into_owned();
         let floor = b.columns(0, 6).into_owned();
         let periods = (latch / period + 1e-9_f64).floor();
@@ -91,7 +64,7 @@ fn sampling_is_exact() {
             let x = &resolvent * (complex(&after) * delay + complex(&before) * (delay / z));
             let expected = complex(&c) * x + complex(&d.columns(6, 6).into_owned()) * (delay / z);
             let response = study.plant.response(hz);
-            let found = response.actuators_to_sensors;
+            let found = response.from_legs(0..6);
             let error = (&expected - found).camax() / expected.camax();
             assert!(
                 error < 1e-7,
@@ -99,7 +72,7 @@ fn sampling_is_exact() {
             );
             let x = &resolvent * complex(&gamma_floor);
             let expected = complex(&c) * x + complex(&d.columns(0, 6).into_owned());
-            let error = (&expected - response.floor_to_sensors).camax() / expected.camax();
+            let error = (&expected - response.from_floor(0..6)).camax() / expected.camax();
             assert!(
                 error < 1e-7,
                 "floor, {feedback}, {latch} s, {hz} Hz: {error:.1e}"
@@ -113,7 +86,7 @@ fn sampling_is_exact() {
 fn encirclements(study: &Study, law: &LinearLaw) -> i32 {
     let plant = &study.plant;
     let at = |hz: f64| {
-        let g22 = plant.response(hz).actuators_to_sensors;
+        let g22 = plant.response(hz).g22();
         (Matrix6::identity() - law.response(plant.z(hz)) * g22).determinant()
     };
     // The upper half of the circle, refined until no step turns far.
@@ -182,7 +155,7 @@ fn the_corner_is_the_highest_within_the_bound() {
         for i in 0..12_000 {
             let hz = 0.02 * (0.5e4 * 2.0 / 0.02_f64).powf(f64::from(i) / 11_999.0);
             let c = law.response(study.plant.z(hz));
-            let g = study.plant.response(hz).actuators_to_sensors;
+            let g = study.plant.response(hz).g22();
             for l in [-(c * g), -(g * c), -(to * c * g * from)] {
                 let sensitivity = (Matrix6::identity() + l).try_inverse().unwrap();
                 worst = worst.max(sensitivity.singular_values().max());
@@ -245,14 +218,15 @@ fn rms_in_time_is_rms_from_spectra() {
     let step = 0.05;
     let grid: Vec<f64> = (1..20_000).map(|i| step * f64::from(i)).collect();
     let total: f64 = grid.iter().map(|&hz| shape(hz) * step).sum();
+    let rows = study.plant.plant.performance();
     let rms = |row: usize, closed: bool| {
         let power: f64 = grid
             .iter()
             .map(|&hz| {
                 let gain = if closed {
-                    closed_loop.close(hz).0
+                    closed_loop.close(hz, rows.clone())
                 } else {
-                    study.plant.response(hz).floor_to_performance
+                    study.plant.response(hz).from_floor(rows.clone())
                 };
                 gain.row(row).norm_squared() * shape(hz) * step
             })
@@ -339,9 +313,10 @@ fn other_boards() {
             plant: &study.plant,
             law,
         };
-        let open = largest_singular_value(&study.plant.response(13.91).floor_to_performance);
+        let rows = study.plant.plant.performance();
+        let open = largest_singular_value(&study.plant.response(13.91).from_floor(rows.clone()));
         assert!(
-            largest_singular_value(&closed.close(13.91).0) < 0.05 * open,
+            largest_singular_value(&closed.close(13.91, rows)) < 0.05 * open,
             "{edits:?}"
         );
     }
@@ -367,24 +342,23 @@ fn the_rig_marches_as_the_state_space_does() {
         };
         let mut rig = Rig::new(study.plant.clone(), board, &settings);
         let plant = &study.plant.plant;
-        let [a, b, ..] = state_space(plant);
+        let StateSpace { a, b, c, d } = &plant.state_space;
         let legs = b.columns(6, 6).into_owned();
         let period: f64 = 50e-6;
         let periods = (latch / period + 1e-9).floor();
         let part = (latch - periods * period).max(0.0);
-        let (rest, after) = hold(&a, &legs, period - part);
-        let (begin, early) = hold(&a, &legs, part);
+        let (rest, after) = hold(a, &legs, period - part);
+        let (begin, early) = hold(a, &legs, part);
         let late = periods as usize;
         let mut x = nalgebra::DVector::zeros(24);
         let mut past = vec![nalgebra::DVector::zeros(6); late + 2];
         let mut largest: f64 = 0.0;
         for k in 0..400_u32 {
             let (_, found) = rig.sample();
-            // Accelerations are the rate of ż plus the force's direct part,
-            // which a sample sees one latch old.
+            // The direct part is one latch old.
             let seen = &past[late];
-            let rate = &a * &x + &legs * seen;
-            let expected = &plant.performance.acceleration * rate.rows(12, 12);
+            let y = c * &x + d.columns(6, 6) * seen;
+            let expected = y.rows_range(plant.performance()).into_owned();
             largest = largest.max(expected.amax());
             assert!(
                 (&found - &expected).amax() <= 1e-9 * largest.max(1e-9),

@@ -14,6 +14,9 @@ pub struct File {
     pub format: u32,
     /// What the machine is called.
     pub name: String,
+    /// Acceleration of gravity, m/s²; none if not given.
+    #[serde(default)]
+    pub gravity: [f64; 3],
     /// Positions, m.
     pub nodes: IndexMap<String, [f64; 3]>,
     /// The moving base.
@@ -35,7 +38,7 @@ pub struct File {
     pub floor: Floor,
     /// What is judged.
     pub performance: Performance,
-    /// Modal damping.
+    /// Damping of the whole; that of single beams stands with them.
     #[serde(default)]
     pub damping: Damping,
     /// The control target.
@@ -108,6 +111,10 @@ pub struct Profile {
     pub second_moments: Option<[f64; 2]>,
     /// Torsion constant J, m⁴.
     pub torsion_constant: Option<f64>,
+    /// Loss factor of the material.
+    pub loss_factor: Option<f64>,
+    /// A damper along the beam, N s/m.
+    pub damper: Option<f64>,
 }
 
 /// `[beams.NAME]`
@@ -194,17 +201,13 @@ pub struct Performance {
 }
 
 /// `[damping]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Damping {
     /// Relative damping of every mode.
-    pub modal: f64,
-}
-
-impl Default for Damping {
-    fn default() -> Self {
-        Self { modal: 0.005 }
-    }
+    pub modal: Option<f64>,
+    /// α, 1/s, and β, s, of D = α·M + β·K.
+    pub rayleigh: Option<[f64; 2]>,
 }
 
 /// `[control]`

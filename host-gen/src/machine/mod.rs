@@ -46,8 +46,10 @@ pub struct Machine {
     pub performance: Vec<Performance>,
     /// Bands to report peaks in: name, Hz, Hz.
     pub bands: Vec<(String, f64, f64)>,
-    /// Relative damping of every mode.
-    pub modal_damping: f64,
+    /// Acceleration of gravity, m/s².
+    pub gravity: Vector3<f64>,
+    /// Damping of the whole.
+    pub damping: Damping,
     /// Control target.
     pub target: Target,
     /// The board.
@@ -104,6 +106,10 @@ pub struct Beam {
     pub ends: [usize; 2],
     /// Stiffness.
     pub stiffness: Stiffness,
+    /// Loss factor of the material.
+    pub loss_factor: f64,
+    /// A damper along the beam, N s/m.
+    pub damper: f64,
     /// Local axes as rows: x from p to q, then y and z.
     pub axes: Matrix3<f64>,
     /// m.
@@ -119,6 +125,15 @@ pub struct Stiffness {
     pub bending: [f64; 2],
     /// GJ/L, N m.
     pub torsion: f64,
+}
+
+/// Damping that does not belong to single beams.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Damping {
+    /// Relative damping of every mode.
+    pub modal: f64,
+    /// α, 1/s, and β, s, of D = α·M + β·K.
+    pub rayleigh: [f64; 2],
 }
 
 /// One deformation of one beam.

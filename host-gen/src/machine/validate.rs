@@ -11,7 +11,7 @@ use shared::table::{Feedback, ModelDigest};
 use super::error::{Fault, exists};
 use super::file;
 use super::{
-    Beam, Board, Body, Carrier, Deformation, Direction, Machine, Node, Performance, Sensor,
+    Beam, Board, Body, Carrier, Damping, Deformation, Direction, Machine, Node, Performance, Sensor,
     Stiffness, Target,
 };
 
@@ -36,6 +36,7 @@ pub(super) fn machine(
     let nodes = nodes(&file)?;
     let bodies = bodies(&file.bodies)?;
     let beams = beams(&file, &nodes)?;
+    let damping = damping(&file.damping, &beams)?;
     let names = Names { nodes, beams };
 
     let coordinates =
@@ -123,13 +124,6 @@ pub(super) fn machine(
         bands.push((name.clone(), low, high));
     }
 
-    let modal_damping = file.damping.modal;
-    if !(0.0..1.0).contains(&modal_damping) {
-        return Err(Fault::new(
-            "damping.modal",
-            "relative damping is at least 0 and below 1",
-        ));
-    }
     let target = target(&file.control)?;
     match (target.feedback, &accelerometers, &force_sensors) {
         (Feedback::Acceleration, None, _) => {
@@ -175,7 +169,8 @@ pub(super) fn machine(
         floor,
         performance,
         bands,
-        modal_damping,
+        gravity: finite3("gravity", &file.gravity)?,
+        damping,
         target,
         board,
         simulation: file.simulation,
@@ -383,6 +378,8 @@ fn beams(file: &file::File, nodes: &[Node]) -> Checked<Vec<Beam>> {
                 name: name.clone(),
                 ends,
                 stiffness: stiffness(&source, profile, length)?,
+                loss_factor: not_negative(&source, profile.loss_factor.unwrap_or(0.0))?,
+                damper: not_negative(&source, profile.damper.unwrap_or(0.0))?,
                 axes: axes(&entry, along / length, spec.y_axis.as_ref())?,
                 length,
             })
@@ -465,6 +462,24 @@ fn axes(entry: &str, x: Vector3<f64>, wish: Option<&[f64; 3]>) -> Checked<Matrix
         y.transpose(),
         z.transpose(),
     ]))
+}
+
+/// Half a per cent on every mode, unless the file says how else it is damped.
+fn damping(spec: &file::Damping, beams: &[Beam]) -> Checked<Damping> {
+    let elsewhere = spec.rayleigh.is_some()
+        || beams.iter().any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0);
+    let modal = spec.modal.unwrap_or(if elsewhere { 0.0 } else { 0.005 });
+    if !(0.0..1.0).contains(&modal) {
+        return Err(Fault::new(
+            "damping.modal",
+            "relative damping is at least 0 and below 1",
+        ));
+    }
+    let rayleigh = spec.rayleigh.unwrap_or_default();
+    for x in rayleigh {
+        not_negative("damping.rayleigh", x)?;
+    }
+    Ok(Damping { modal, rayleigh })
 }
 
 fn force_sensors(
