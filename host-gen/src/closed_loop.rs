@@ -157,8 +157,8 @@ impl LoopGrid {
         let (mut low, mut high) = (hz(index.saturating_sub(1)), hz(index + 1));
         while high - low > 1e-6 * high {
             let third = (high - low) / 3.0;
-            let [left, right] = [low + third, high - third]
-                .map(|hz| at(hz, &plant.response(hz).g22()));
+            let [left, right] =
+                [low + third, high - third].map(|hz| at(hz, &plant.response(hz).g22()));
             if left.value < right.value {
                 low = left.at;
             } else {
@@ -232,8 +232,7 @@ impl SampledLoop<'_> {
         let delays = self.plant.seen_delay();
         let states = n + LEGS * (delays + 4);
         let held = |age: usize| n + LEGS * (age - 1);
-        let [average, second, rolled, integral] =
-            core::array::from_fn(|i| n + LEGS * (delays + i));
+        let [average, second, rolled, integral] = core::array::from_fn(|i| n + LEGS * (delays + i));
         // A signal is its row of coefficients on the states before the step.
         let state = |at: usize| {
             let mut rows = DMatrix::zeros(LEGS, states);

@@ -171,9 +171,7 @@ pub fn ideal_poles(plant: &StateSpace, gains: &Gains) -> Option<Vec<Complex<f64>
     force
         .columns_mut(0, states)
         .copy_from(&(-gains.proportional * c));
-    force
-        .columns_mut(states, LEGS)
-        .copy_from(&-gains.integral);
+    force.columns_mut(states, LEGS).copy_from(&-gains.integral);
     let force = (Matrix6::identity() + gains.proportional * d)
         .lu()
         .solve(&force)?;

@@ -73,7 +73,9 @@ pub fn eigenvectors(matrix: &DMatrix<f64>) -> Option<(Vec<Complex<f64>>, DMatrix
     let n = matrix.nrows();
     let mut scaled = matrix.clone();
     let scale = balance_parlett_reinsch(&mut scaled);
-    let eigen = faer::Mat::from_fn(n, n, |i, j| scaled[(i, j)]).eigen().ok()?;
+    let eigen = faer::Mat::from_fn(n, n, |i, j| scaled[(i, j)])
+        .eigen()
+        .ok()?;
     let values = (0..n).map(|i| eigen.S()[i]).collect();
     let vectors = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)] * scale[i]);
     Some((values, vectors))

@@ -415,9 +415,7 @@ impl Response {
                 self.from_floor(rows.clone()) + self.from_legs(rows) * force
             }
             // Exactly on a closed-loop pole.
-            None => self
-                .from_floor(rows)
-                .map(|_| Complex::from(f64::INFINITY)),
+            None => self.from_floor(rows).map(|_| Complex::from(f64::INFINITY)),
         }
     }
 }

@@ -197,7 +197,8 @@ impl Search<'_> {
         let gains = self.design.gains(&target);
         let loops = LoopGrid::new(self.plant, &self.design.modal, LOWEST * target.frequency);
         let (trial, peak_sensitivity) = self.highest_corner(&target, &gains, &loops)?;
-        let ideal_poles = ideal_poles(&self.plant.plant.state_space, &gains).ok_or_else(unsolved)?;
+        let ideal_poles =
+            ideal_poles(&self.plant.plant.state_space, &gains).ok_or_else(unsolved)?;
 
         let low = 0.1 * target.frequency;
         let high = 3.0 * self.design.hertz()[LEGS - 1].max(target.frequency);

@@ -45,14 +45,14 @@ fn unknown_key() {
         "mass = 742.0",
         "mas = 742.0",
         "mas = 742.0",
-        "",
+        "bodies.frame.mas",
         "unknown field `mas`",
     );
     refused(
         "seed = 1",
         "sead = 1",
         "sead = 1",
-        "",
+        "simulation.sead",
         "unknown field `sead`",
     );
 }
@@ -63,7 +63,7 @@ fn missing_key() {
         "cog = [0.0, 0.0, 0.0]\n",
         "",
         "[bodies.frame]",
-        "",
+        "bodies.frame",
         "missing field `cog`",
     );
 }
@@ -190,7 +190,7 @@ fn inertia_in_no_notation() {
         "inertia = [52.25, 52.25, 104.5]",
         "inertia = [52.25, 52.25]",
         "inertia = [52.25, 52.25]",
-        "",
+        "bodies.frame.inertia",
         "three principal moments",
     );
 }
@@ -411,7 +411,7 @@ fn control_errors() {
         "feedback = \"acceleration\"",
         "feedback = \"velocity\"",
         "feedback = \"velocity\"",
-        "",
+        "control.feedback",
         "unknown variant `velocity`",
     );
 }
@@ -430,6 +430,50 @@ fn provenance_of_nothing() {
 #[test]
 fn not_toml() {
     refused("format = 1", "format = = 1", "format = = 1", "", "");
+}
+
+/// Errors in a file that is based on another name the file they are in.
+#[test]
+fn based_on_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let load = |text: &str| {
+        let path = write("variant.toml", text);
+        match host_gen::machine::Machine::load(&path) {
+            Err(error) => error.to_string(),
+            Ok(machine) => Study::new(machine)
+                .expect_err("the file is bad")
+                .to_string(),
+        }
+    };
+    write("base.toml", &model_text());
+    let start = "based_on = \"base.toml\"\n";
+    let own = load(&format!("{start}[bodies.frame]\nmass = -1.0\n"));
+    assert!(own.contains("variant.toml:3:1: bodies.frame.mass"), "{own}");
+    let unknown = load(&format!("{start}[bodies.frame]\nmas = 1.0\n"));
+    assert!(
+        unknown.contains("variant.toml:3:1: bodies.frame.mas: unknown field"),
+        "{unknown}"
+    );
+    let whole = load(&format!("{start}[nodes]\nlost = [0.0, 0.0, 0.0]\n"));
+    assert!(
+        whole.contains("variant.toml:3:1: nodes.lost: moves with nothing"),
+        "{whole}"
+    );
+    let base = load(&format!(
+        "{start}[control]\ndamping = 0.5\n[base]\nnodes = []\n"
+    ));
+    assert!(
+        base.contains("base.toml:") && base.contains("nodes.n9: moves with nothing"),
+        "{base}"
+    );
+    assert!(load("based_on = \"none.toml\"\n").contains("none.toml cannot be read"));
+    assert!(load("based_on = \"variant.toml\"\n").contains("more than 8 files"));
+    assert!(load("based_on = 3\n").contains("variant.toml:1:1: based_on: is the path"));
 }
 
 #[test]

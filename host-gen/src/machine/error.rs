@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use toml::de::{DeTable, DeValue};
+use super::source::line_and_column;
 
 /// What is wrong with a machine file, where, and what mends it.
 #[derive(Debug, PartialEq, Eq)]
@@ -60,11 +60,10 @@ impl MachineError {
         }
     }
 
-    /// `fault` found in `text`, with its line and column looked up.
-    pub(super) fn locate(file: &Path, text: &str, fault: Fault) -> Self {
+    pub(super) fn new(file: &Path, place: Option<(usize, usize)>, fault: Fault) -> Self {
         Self {
             file: file.to_owned(),
-            place: position(text, &fault.entry),
+            place,
             entry: fault.entry,
             problem: fault.problem,
         }
@@ -85,47 +84,4 @@ impl Fault {
             problem: problem.into(),
         }
     }
-}
-
-fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
-    let before = text.get(..offset).unwrap_or(text);
-    let line = before.matches('\n').count() + 1;
-    let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
-    (line, column)
-}
-
-/// Where the key `entry` stands, or the nearest key above it that exists.
-fn position(text: &str, entry: &str) -> Option<(usize, usize)> {
-    let document = DeTable::parse(text).ok()?;
-    let mut table = document.get_ref();
-    let mut offset = None;
-    for part in entry.split('.') {
-        let Some((key, value)) = table.get_key_value(part) else {
-            break;
-        };
-        offset = Some(key.span().start);
-        match value.get_ref() {
-            DeValue::Table(next) => table = next,
-            _ => break,
-        }
-    }
-    offset.map(|offset| line_and_column(text, offset))
-}
-
-/// Whether the key `entry` exists in `text`.
-pub(crate) fn exists(text: &str, entry: &str) -> bool {
-    let Ok(document) = DeTable::parse(text) else {
-        return false;
-    };
-    let mut table = Some(document.get_ref());
-    entry.split('.').all(|part| {
-        let Some(value) = table.and_then(|t| t.get(part)) else {
-            return false;
-        };
-        table = match value.get_ref() {
-            DeValue::Table(next) => Some(next),
-            _ => None,
-        };
-        true
-    })
 }

@@ -6,10 +6,10 @@
 
 mod error;
 pub mod file;
+mod source;
 mod validate;
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
 use sha2::{Digest, Sha256};
@@ -20,6 +20,7 @@ use shared::table::{Feedback, ModelDigest};
 pub(crate) use error::Fault;
 pub use error::MachineError;
 pub use file::{Certainty, Provenance, Simulation};
+use source::Source;
 
 /// A machine as checked. SI units.
 #[derive(Clone, Debug)]
@@ -60,8 +61,7 @@ pub struct Machine {
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description, comments and layout left out.
     pub digest: ModelDigest,
-    file: PathBuf,
-    text: String,
+    source: Source,
 }
 
 /// A named point.
@@ -234,26 +234,37 @@ pub struct Sensor {
 impl Machine {
     /// Reads and checks a machine file.
     pub fn load(path: &Path) -> Result<Self, MachineError> {
-        let text =
-            fs::read_to_string(path).map_err(|error| MachineError::unreadable(path, &error))?;
-        Self::parse(path, &text)
+        let (source, table) = Source::read(path)?;
+        Self::check(source, table)
     }
 
-    /// Checks the text of a machine file; `path` is only for errors.
+    /// Checks the text of a machine file; `path` is for errors, and for what
+    /// the file is based on.
     pub fn parse(path: &Path, text: &str) -> Result<Self, MachineError> {
-        let file: file::File =
-            toml::from_str(text).map_err(|error| MachineError::syntax(path, text, &error))?;
+        let (source, table) = Source::parse(path, text)?;
+        Self::check(source, table)
+    }
+
+    fn check(source: Source, table: toml::Table) -> Result<Self, MachineError> {
+        let value = toml::Value::Table(table.clone());
+        let file: file::File = serde_path_to_error::deserialize(value).map_err(|error| {
+            let entry = match error.path().to_string().as_str() {
+                // The file as a whole.
+                "." => String::new(),
+                path => path.to_owned(),
+            };
+            source.locate(Fault::new(entry, error.inner().message()))
+        })?;
         // Serialised, the description has neither comments nor layout, and
         // numbers in their shortest form.
         let canonical = serde_json::to_vec(&file).expect("numbers and strings serialise");
         let digest = ModelDigest(Sha256::digest(canonical).into());
-        validate::machine(file, path, text, digest)
-            .map_err(|fault| MachineError::locate(path, text, fault))
+        validate::machine(file, &table, &source, digest).map_err(|fault| source.locate(fault))
     }
 
     /// `fault`, placed in this machine's file.
     pub(crate) fn locate(&self, fault: Fault) -> MachineError {
-        MachineError::locate(&self.file, &self.text, fault)
+        self.source.locate(fault)
     }
 
     /// `"beam.e1"` and so on.

@@ -1,18 +1,17 @@
 //! From a file to a machine: every name resolved, every number checked.
 
-use std::path::Path;
-
 use indexmap::IndexMap;
 use nalgebra::{Matrix3, RowVector3, Vector3};
 use shared::LEGS;
 use shared::codes::{Adc, Dac};
 use shared::table::{Feedback, ModelDigest};
 
-use super::error::{Fault, exists};
+use super::error::Fault;
 use super::file;
+use super::source::{Source, has};
 use super::{
-    Beam, Board, Body, Carrier, Damping, Deformation, Direction, Machine, Node, Performance, Sensor,
-    Stiffness, Target,
+    Beam, Board, Body, Carrier, Damping, Deformation, Direction, Machine, Node, Performance,
+    Sensor, Stiffness, Target,
 };
 
 type Checked<T> = Result<T, Fault>;
@@ -22,8 +21,8 @@ const UNIT_SLACK: f64 = 1e-5;
 
 pub(super) fn machine(
     file: file::File,
-    path: &Path,
-    text: &str,
+    table: &toml::Table,
+    source: &Source,
     digest: ModelDigest,
 ) -> Checked<Machine> {
     if file.format != 1 {
@@ -145,7 +144,7 @@ pub(super) fn machine(
 
     for (i, provenance) in file.provenance.iter().enumerate() {
         for entry in &provenance.entries {
-            if !exists(text, entry) {
+            if !has(table, entry) {
                 return Err(Fault::new(
                     "provenance",
                     format!(
@@ -176,8 +175,7 @@ pub(super) fn machine(
         simulation: file.simulation,
         provenance: file.provenance,
         digest,
-        file: path.to_owned(),
-        text: text.to_owned(),
+        source: source.clone(),
     })
 }
 
@@ -467,7 +465,9 @@ fn axes(entry: &str, x: Vector3<f64>, wish: Option<&[f64; 3]>) -> Checked<Matrix
 /// Half a per cent on every mode, unless the file says how else it is damped.
 fn damping(spec: &file::Damping, beams: &[Beam]) -> Checked<Damping> {
     let elsewhere = spec.rayleigh.is_some()
-        || beams.iter().any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0);
+        || beams
+            .iter()
+            .any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0);
     let modal = spec.modal.unwrap_or(if elsewhere { 0.0 } else { 0.005 });
     if !(0.0..1.0).contains(&modal) {
         return Err(Fault::new(
