@@ -6,8 +6,10 @@
 //! |---|---|---|
 //! | [`machine`] | a TOML file | nodes, bodies, beams, board, checked |
 //! | [`multibody`] | the machine | M, K, q_d, M_r, B_0 and the modes |
+//! | [`statics`], [`energy`] | the machine, its modes | loads under gravity, where modes have their energy |
 //! | [`design`] | the rigid design model | K_a, K_v or K_P, K_I |
 //! | [`plant`] | modes, inputs, outputs | the generalised plant G, continuous and sampled |
+//! | [`zeros`], [`export`] | the plant | transmission zeros of G22, matrices for other programs |
 //! | [`closed_loop`] | sampled plant and table | stability, sensitivity, isolation |
 //! | [`roll_off`] | all of these | the corner that the sampled loop bears |
 //! | [`table`] | gains and board | the table and its Rust source |
@@ -22,6 +24,8 @@
 
 pub mod closed_loop;
 pub mod design;
+pub mod energy;
+pub mod export;
 mod linear;
 pub mod machine;
 pub mod multibody;
@@ -32,3 +36,4 @@ pub mod simulation;
 pub mod statics;
 pub mod study;
 pub mod table;
+pub mod zeros;

@@ -67,18 +67,20 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
         .ok()
 }
 
-/// Eigenvalues and eigenvectors, as columns, of a general matrix. None if the
-/// iteration does not end.
-pub fn eigenvectors(matrix: &DMatrix<f64>) -> Option<(Vec<Complex<f64>>, DMatrix<Complex<f64>>)> {
-    let n = matrix.nrows();
-    let mut scaled = matrix.clone();
-    let scale = balance_parlett_reinsch(&mut scaled);
-    let eigen = faer::Mat::from_fn(n, n, |i, j| scaled[(i, j)])
-        .eigen()
+/// The finite λ of A v = λ B v for a singular B: those that infinity has are
+/// left out or, through rounding, very large. None if the iteration does not
+/// end.
+pub fn generalised_eigenvalues(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    let n = a.nrows();
+    let eigen = faer::Mat::from_fn(n, n, |i, j| a[(i, j)])
+        .generalized_eigen(faer::Mat::from_fn(n, n, |i, j| b[(i, j)]))
         .ok()?;
-    let values = (0..n).map(|i| eigen.S()[i]).collect();
-    let vectors = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)] * scale[i]);
-    Some((values, vectors))
+    let ratios = (0..n).map(|i| eigen.S_a()[i] / eigen.S_b()[i]);
+    Some(
+        ratios
+            .filter(|z| z.re.is_finite() && z.im.is_finite())
+            .collect(),
+    )
 }
 
 #[cfg(test)]

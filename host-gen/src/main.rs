@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use host_gen::export::{Generalised, matrix_market};
 use host_gen::machine::{Machine, MachineError};
-use host_gen::output::{Gains, Generated, Modes, Simulated};
+use host_gen::output::analysis::{Compared, PlantMatrices, Poles, SigmaError, Zeros, both_kinds};
+use host_gen::output::{self, Gains, Generated, Modes, Simulated};
 use host_gen::roll_off::RollOffError;
 use host_gen::simulation::{Comparison, compare};
 use host_gen::study::Study;
@@ -36,6 +38,27 @@ enum Command {
     ///
     /// Example: host-gen gains models/metrology-frame.toml --format json
     Gains(Common),
+    /// Transmission zeros of G22 for both kinds of feedback.
+    ///
+    /// Example: host-gen zeros models/low-parasitic.toml
+    Zeros(Common),
+    /// Poles open, under the ideal law, and of the sampled loop.
+    ///
+    /// Example: host-gen poles models/metrology-frame.toml
+    Poles(Common),
+    /// The largest singular value of G11, open and closed, ideal and sampled,
+    /// both kinds of feedback (Fig. 5).
+    ///
+    /// Example: host-gen sigma models/metrology-frame.toml --from 0.1 --to 300
+    Sigma(Sigma),
+    /// The generalised plant G (Fig. 4) as matrices for other programs.
+    ///
+    /// Example: host-gen plant models/metrology-frame.toml --matrix-market out
+    Plant(PlantArguments),
+    /// Machines side by side.
+    ///
+    /// Example: host-gen compare models/metrology-frame.toml models/smaller-basis.toml
+    Compare(Compare),
     /// Everything: modes, gains, roll-off, table, software in the loop.
     ///
     /// Example: host-gen generate models/metrology-frame.toml
@@ -89,6 +112,41 @@ struct Simulate {
     floor_rms: Option<f64>,
 }
 
+#[derive(Args)]
+struct Sigma {
+    #[command(flatten)]
+    common: Common,
+    /// Lowest frequency, Hz.
+    #[arg(long, default_value_t = 0.1)]
+    from: f64,
+    /// Highest frequency, Hz.
+    #[arg(long, default_value_t = 300.0)]
+    to: f64,
+    /// Frequencies evenly in the logarithm, at least two; those about the
+    /// peaks come on top.
+    #[arg(long, default_value_t = 500)]
+    points: usize,
+}
+
+#[derive(Args)]
+struct PlantArguments {
+    #[command(flatten)]
+    common: Common,
+    /// Write A, B, C and D there as Matrix Market files, by kind of feedback.
+    #[arg(long)]
+    matrix_market: Option<PathBuf>,
+}
+
+#[derive(Args)]
+struct Compare {
+    /// Machine files.
+    #[arg(required = true)]
+    models: Vec<PathBuf>,
+    /// What to print.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
 #[derive(Debug, thiserror::Error)]
 enum Failure {
     #[error(transparent)]
@@ -103,6 +161,8 @@ enum Failure {
     },
     #[error("there is no folder {0} here; run from the project's root or give --table PATH")]
     NoTables(String),
+    #[error("--to must be finite and above --from")]
+    Range,
     #[error("--{0} must be positive and finite")]
     Option(&'static str),
     #[error("{table} is not what {model} gives: {difference}. Run host-gen generate {model}")]
@@ -127,6 +187,23 @@ fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Modes(common) => print(common.format, &Modes::new(&study(&common.model)?)),
         Command::Gains(common) => print(common.format, &Gains::new(&study(&common.model)?)),
+        Command::Zeros(common) => {
+            let zeros = Zeros::new(&Machine::load(&common.model)?)?;
+            print(common.format, &zeros)
+        }
+        Command::Poles(common) => {
+            let study = study(&common.model)?;
+            let (table, _) = table(&common.model, &study)?;
+            let poles = Poles::new(&study, &table).map_err(in_loop(&common.model))?;
+            print(common.format, &poles)
+        }
+        Command::Sigma(arguments) => sigma(arguments),
+        Command::Plant(arguments) => plant(arguments),
+        Command::Compare(arguments) => {
+            let machines = arguments.models.iter().map(|model| Machine::load(model));
+            let machines = machines.collect::<Result<_, _>>()?;
+            print(arguments.format, &Compared::new(machines)?)
+        }
         Command::Generate(arguments) => generate(arguments),
         Command::Check(arguments) => check(arguments),
         Command::Simulate(arguments) => simulate(arguments),
@@ -135,6 +212,55 @@ fn run(command: &Command) -> Result<(), Failure> {
 
 fn study(model: &Path) -> Result<Study, Failure> {
     Ok(Study::new(Machine::load(model)?)?)
+}
+
+/// Says which file a loop's failure is about.
+fn in_loop(model: &Path) -> impl Fn(RollOffError) -> Failure {
+    let file = model.display().to_string();
+    move |error| Failure::RollOff {
+        file: file.clone(),
+        error,
+    }
+}
+
+fn sigma(arguments: &Sigma) -> Result<(), Failure> {
+    let &Sigma {
+        from, to, points, ..
+    } = arguments;
+    let Common { model, format } = &arguments.common;
+    if !(from.is_finite() && from > 0.0) {
+        return Err(Failure::Option("from"));
+    }
+    if !(to.is_finite() && to > from) {
+        return Err(Failure::Range);
+    }
+    let machine = Machine::load(model)?;
+    match output::analysis::Sigma::new(&machine, from, to, points.max(2)) {
+        Ok(sigma) => print(*format, &sigma),
+        Err(SigmaError::Machine(error)) => Err(error.into()),
+        Err(SigmaError::Loop(error)) => Err(in_loop(model)(error)),
+    }
+}
+
+fn plant(arguments: &PlantArguments) -> Result<(), Failure> {
+    let machine = Machine::load(&arguments.common.model)?;
+    let report = PlantMatrices::new(&machine)?;
+    if let Some(folder) = &arguments.matrix_market {
+        fs::create_dir_all(folder).map_err(|error| Failure::Io {
+            path: folder.display().to_string(),
+            what: "created",
+            error,
+        })?;
+        for study in both_kinds(&machine)? {
+            let Generalised { a, b, c, d } = Generalised::new(&study.plant.plant);
+            let kind = output::feedback_name(study.design.feedback);
+            for (name, matrix) in [("A", a), ("B", b), ("C", c), ("D", d)] {
+                let path = folder.join(format!("{kind}-{name}.mtx"));
+                write_whole(&path, &matrix_market(&matrix))?;
+            }
+        }
+    }
+    print(arguments.common.format, &report)
 }
 
 fn generate(arguments: &WithTable) -> Result<(), Failure> {
@@ -241,10 +367,7 @@ fn table(
     model: &Path,
     study: &Study,
 ) -> Result<(ValidTable, host_gen::roll_off::RollOff), Failure> {
-    study.table().map_err(|error| Failure::RollOff {
-        file: model.display().to_string(),
-        error,
-    })
+    study.table().map_err(in_loop(model))
 }
 
 fn simulation(study: &Study, table: &ValidTable) -> Comparison {

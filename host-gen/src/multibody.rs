@@ -325,6 +325,23 @@ impl Multibody {
         (relative, ride)
     }
 
+    /// The translation of a node in a motion of the bodies.
+    pub fn translation(
+        &self,
+        machine: &Machine,
+        node: usize,
+        motion: &DVector<f64>,
+    ) -> Vector3<f64> {
+        let node = &machine.nodes[node];
+        match node.carrier {
+            Carrier::Base => Vector3::zeros(),
+            Carrier::Body(body) => {
+                transport(&node.at, &machine.bodies[body].cog).fixed_rows::<3>(0)
+                    * motion.fixed_rows::<6>(6 * body)
+            }
+        }
+    }
+
     /// A deformation's row from body coordinates.
     pub fn deformation(&self, machine: &Machine, d: Deformation) -> DVector<f64> {
         deformations_from_bodies(machine, &machine.beams[d.beam])

@@ -15,7 +15,7 @@ use shared::LEGS;
 use shared::table::Feedback;
 
 use crate::design::Design;
-use crate::linear::eigenvectors;
+use crate::linear::eigenvalues;
 use crate::machine::{Board, Fault, Machine, MachineError, Performance};
 use crate::multibody::{Modes, Multibody, deformation_stiffness};
 
@@ -162,27 +162,69 @@ impl StateSpace {
     }
 
     /// The poles of modes that dampers couple.
+    ///
+    /// Poles that symmetry makes equal get an orthonormal set of eigenvectors:
+    /// those of an eigenvalue iteration may be parallel to all digits.
     fn coupled_poles(&self) -> Option<Vec<Pole>> {
-        let (values, vectors) = eigenvectors(&self.a)?;
-        let input = vectors.clone().try_inverse()? * self.b.map(Complex::from);
-        let output = self.c.map(Complex::from) * vectors;
-        let zero = 1e-12 * values.iter().map(|z| z.norm()).fold(0.0, f64::max);
-        Some(
-            values
-                .iter()
-                .enumerate()
-                // The one below the real axis comes with the one above.
-                .filter(|(_, lambda)| lambda.im > -zero)
-                .map(|(i, &lambda)| Pole {
-                    lambda,
-                    pair: lambda.im > zero,
-                    input: input.row(i).transpose(),
-                    output: output.column(i).into_owned(),
-                })
-                .collect(),
-        )
+        let mut values = eigenvalues(&self.a)?;
+        let size = values.iter().map(|z| z.norm()).fold(0.0, f64::max);
+        let zero = 1e-12 * size;
+        // A pole below the real axis comes with the one above.
+        values.retain(|lambda| lambda.im > -zero);
+        let a = self.a.map(Complex::from);
+        let n = a.nrows();
+        let mut found: Vec<(Complex<f64>, bool, DVector<Complex<f64>>)> = Vec::new();
+        while let Some(first) = values.pop() {
+            let mut equal = vec![first];
+            values.retain(|lambda| {
+                let far = (lambda - first).norm() > EQUAL * size;
+                if !far {
+                    equal.push(*lambda);
+                }
+                far
+            });
+            let count = equal.len();
+            let lambda = equal.iter().sum::<Complex<f64>>() / count as f64;
+            let shifted = &a - DMatrix::from_diagonal_element(n, n, lambda);
+            let svd = shifted.svd(false, true);
+            let directions = svd.v_t?;
+            let mut order: Vec<usize> = (0..n).collect();
+            order.sort_by(|&i, &j| svd.singular_values[i].total_cmp(&svd.singular_values[j]));
+            // Where an eigenvector is missing, so is a small singular value.
+            if svd.singular_values[order[count - 1]] > 10.0 * EQUAL * size {
+                return None;
+            }
+            for &i in &order[..count] {
+                found.push((lambda, lambda.im > zero, directions.row(i).adjoint()));
+            }
+        }
+        let columns: Vec<_> = found
+            .iter()
+            .flat_map(|(_, pair, vector)| {
+                let conjugate = pair.then(|| vector.map(|z| z.conj()));
+                core::iter::once(vector.clone()).chain(conjugate)
+            })
+            .collect();
+        let inverse = DMatrix::from_columns(&columns).try_inverse()?;
+        let input = inverse * self.b.map(Complex::from);
+        let c = self.c.map(Complex::from);
+        let mut row = 0;
+        let poles = found.into_iter().map(|(lambda, pair, vector)| {
+            let pole = Pole {
+                lambda,
+                pair,
+                input: input.row(row).transpose(),
+                output: &c * vector,
+            };
+            row += 1 + usize::from(pair);
+            pole
+        });
+        Some(poles.collect())
     }
 }
+
+/// Poles nearer to each other than this part of the largest count as equal.
+const EQUAL: f64 = 1e-9;
 
 impl Plant {
     /// The flexible machine with the sensors of `design`.

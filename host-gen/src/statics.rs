@@ -1,7 +1,7 @@
 //! Gravity: static loads of the beams and the geometric stiffness they make.
 //!
 //! The machine is taken to stand as drawn under its own weight: the nodes are
-//! where the file says, and the loads are those of the linear equilibrium. A
+//! where the file says, and the loads balance the weight there. A
 //! load changes the stiffness in two ways. A beam under axial force N resists
 //! bending by N's geometric stiffness, 6N/5L sideways where it is clamped at
 //! both ends. And a body that turns moves the points where forces act on it.
@@ -39,19 +39,13 @@ impl Statics {
                 .rows_mut(6 * i, 3)
                 .copy_from(&(machine.gravity * body.mass));
         }
-        let elastic = model.stiffness.clone().lu();
-        // The sag is microns, so the geometric stiffness hardly moves the
-        // loads; a few rounds settle it.
-        let mut loads = weight.clone();
-        let mut statics = Self::default();
-        for _ in 0..8 {
-            let sag = elastic
-                .solve(&loads)
-                .expect("the elastic stiffness was checked to be positive definite");
-            statics = Self::of_sag(machine, &sag);
-            loads = &weight - &statics.geometric * &sag;
-        }
-        statics
+        let sag = model
+            .stiffness
+            .clone()
+            .lu()
+            .solve(&weight)
+            .expect("the elastic stiffness was checked to be positive definite");
+        Self::of_sag(machine, &sag)
     }
 
     fn of_sag(machine: &Machine, sag: &DVector<f64>) -> Self {

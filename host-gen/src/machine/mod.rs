@@ -202,6 +202,10 @@ pub struct Board {
     pub dac_noise: f64,
     /// The sensors that are fed back.
     pub sensor: Sensor,
+    /// Accelerometers, if it has them.
+    pub accelerometer: Option<Sensor>,
+    /// Force sensors, if it has them.
+    pub force_sensor: Option<Sensor>,
     /// N per V at the DAC.
     pub actuator_gain: f64,
     /// N.
@@ -260,6 +264,19 @@ impl Machine {
         let canonical = serde_json::to_vec(&file).expect("numbers and strings serialise");
         let digest = ModelDigest(Sha256::digest(canonical).into());
         validate::machine(file, &table, &source, digest).map_err(|fault| source.locate(fault))
+    }
+
+    /// The same machine with the other sensors fed back; None if it or its
+    /// board does not have them.
+    pub fn with_feedback(&self, feedback: Feedback) -> Option<Self> {
+        let sensor = match feedback {
+            Feedback::Acceleration => self.accelerometers.as_ref().and(self.board.accelerometer),
+            Feedback::Force => self.force_sensors.and(self.board.force_sensor),
+        }?;
+        let mut machine = self.clone();
+        machine.target.feedback = feedback;
+        machine.board.sensor = sensor;
+        Some(machine)
     }
 
     /// `fault`, placed in this machine's file.

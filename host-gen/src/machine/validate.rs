@@ -534,14 +534,16 @@ fn target(control: &file::Control) -> Checked<Target> {
 }
 
 fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
-    let (entry, sensor) = match feedback {
-        Feedback::Acceleration => ("board.accelerometer", &spec.accelerometer),
-        Feedback::Force => ("board.force_sensor", &spec.force_sensor),
+    let accelerometer = board_sensor("board.accelerometer", spec.accelerometer.as_ref())?;
+    let force_sensor = board_sensor("board.force_sensor", spec.force_sensor.as_ref())?;
+    let (sensor, name) = match feedback {
+        Feedback::Acceleration => (accelerometer, "accelerometer"),
+        Feedback::Force => (force_sensor, "force_sensor"),
     };
-    let sensor = sensor.as_ref().ok_or_else(|| {
+    let sensor = sensor.ok_or_else(|| {
         Fault::new(
             "board",
-            format!("[{entry}] is missing; its sensor is fed back"),
+            format!("[board.{name}] is missing; that sensor is fed back"),
         )
     })?;
     let adc = Adc::new(spec.adc.bits, spec.adc.range)
@@ -565,17 +567,12 @@ fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
         adc_noise: not_negative("board.adc.noise", spec.adc.noise)?,
         dac,
         dac_noise: not_negative("board.dac.noise", spec.dac.noise)?,
-        sensor: Sensor {
-            sensitivity: not_zero(&format!("{entry}.sensitivity"), sensor.sensitivity)?,
-            noise_density: not_negative(&format!("{entry}.noise_density"), sensor.noise_density)?,
-            offset: sensor.offset,
-        },
+        sensor,
+        accelerometer,
+        force_sensor,
         actuator_gain: gain,
         force_limit: limit,
     };
-    if !sensor.offset.is_finite() {
-        return Err(Fault::new(format!("{entry}.offset"), "must be finite"));
-    }
     // More would mean hundreds of controller states for no real board.
     if board.latch_delay > 8.0 * board.period() {
         return Err(Fault::new(
@@ -584,6 +581,20 @@ fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
         ));
     }
     Ok(board)
+}
+
+fn board_sensor(entry: &str, spec: Option<&file::Sensor>) -> Checked<Option<Sensor>> {
+    let Some(spec) = spec else {
+        return Ok(None);
+    };
+    if !spec.offset.is_finite() {
+        return Err(Fault::new(format!("{entry}.offset"), "must be finite"));
+    }
+    Ok(Some(Sensor {
+        sensitivity: not_zero(&format!("{entry}.sensitivity"), spec.sensitivity)?,
+        noise_density: not_negative(&format!("{entry}.noise_density"), spec.noise_density)?,
+        offset: spec.offset,
+    }))
 }
 
 fn simulation(s: &file::Simulation, sample_rate: f64) -> Checked<()> {

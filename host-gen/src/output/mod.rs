@@ -7,12 +7,16 @@ use serde::Serialize;
 use shared::table::Feedback;
 
 use crate::design::ideal_poles;
+use crate::energy::{Energies, Kind, energies};
 use crate::machine::{Certainty, Machine};
 use crate::multibody::reach;
 use crate::plant::{Plant, StateSpace};
 use crate::roll_off::RollOff;
 use crate::simulation::Comparison;
+use crate::statics::buckling_load;
 use crate::study::Study;
+
+pub mod analysis;
 
 /// A matrix by rows.
 type Rows = Vec<Vec<f64>>;
@@ -42,6 +46,8 @@ pub struct Modes {
     model_sha256: String,
     modes: Vec<Mode>,
     rigid_modes_hz: [f64; 6],
+    /// Without gravity, nothing.
+    leg_loads: Vec<LegLoad>,
     coordinates: Vec<String>,
     equation_of_motion: Equation,
     #[serde(skip)]
@@ -56,6 +62,17 @@ struct Mode {
     shape: Vec<BodyShape>,
     /// The same shape in q_d, m.
     deformations: Vec<f64>,
+    #[serde(flatten)]
+    energies: Energies,
+}
+
+#[derive(Debug, Serialize, PartialEq)]
+struct LegLoad {
+    beam: String,
+    /// N, tension positive.
+    axial_force: f64,
+    /// N, as a compression.
+    buckling_load: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -86,8 +103,10 @@ impl Modes {
             modes: modes
                 .hertz()
                 .into_iter()
+                .zip(energies(machine, &study.model, &modes))
                 .enumerate()
-                .map(|(i, hz)| Mode {
+                .map(|(i, (hz, energies))| Mode {
+                    energies,
                     hz,
                     shape: machine
                         .bodies
@@ -108,6 +127,16 @@ impl Modes {
                 })
                 .collect(),
             rigid_modes_hz: study.design.hertz(),
+            leg_loads: machine
+                .beams
+                .iter()
+                .zip(&study.model.statics.axial)
+                .map(|(beam, &axial_force)| LegLoad {
+                    beam: beam.name.clone(),
+                    axial_force,
+                    buckling_load: buckling_load(beam),
+                })
+                .collect(),
             coordinates: machine
                 .coordinates
                 .iter()
@@ -133,13 +162,18 @@ impl Display for Modes {
             "  Shapes: x, y, z of each centre of gravity, then rotations times {:.2} m; largest 1.",
             self.reach
         )?;
-        write!(f, "   #        Hz")?;
+        write!(f, "   #        Hz  {:<10} {:>7}", "kind", "kg")?;
         for shape in self.modes.first().map_or(&[][..], |mode| &mode.shape) {
             write!(f, "   {:<36}", shape.body)?;
         }
         writeln!(f)?;
         for (i, mode) in self.modes.iter().enumerate() {
-            write!(f, "  {:>2} {:>9.3}", i + 1, mode.hz)?;
+            let kind = match mode.energies.kind {
+                Kind::Suspension => "suspension",
+                Kind::Internal => "internal",
+            };
+            let mass = mode.energies.modal_mass;
+            write!(f, "  {:>2} {:>9.3}  {kind:<10} {mass:>7.1}", i + 1, mode.hz)?;
             let scaled = |motion: &[f64]| -> Vec<f64> {
                 let scale = |(j, x): (usize, &f64)| if j < 3 { *x } else { x * self.reach };
                 motion.iter().enumerate().map(scale).collect()
@@ -162,7 +196,32 @@ impl Display for Modes {
         for hz in self.rigid_modes_hz {
             write!(f, " {hz:.3}")?;
         }
-        writeln!(f)
+        writeln!(f)?;
+        if !self.leg_loads.is_empty() {
+            writeln!(f, "  Under gravity        axial force, N   buckles at, N")?;
+        }
+        for load in &self.leg_loads {
+            let LegLoad {
+                beam,
+                axial_force,
+                buckling_load,
+            } = load;
+            write!(
+                f,
+                "    {beam:<16} {axial_force:>16.1} {buckling_load:>15.1}"
+            )?;
+            if -axial_force > *buckling_load {
+                write!(f, "   buckles")?;
+            }
+            writeln!(f)?;
+        }
+        if self.modes.first().is_some_and(|mode| mode.hz < 0.0) {
+            writeln!(
+                f,
+                "  Under its weight the machine falls: negative Hz is the rate of that."
+            )?;
+        }
+        Ok(())
     }
 }
 
@@ -188,7 +247,7 @@ pub struct Gains {
     ideal_poles_flexible: Vec<Pole>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, PartialEq)]
 struct Pole {
     re: f64,
     im: f64,
@@ -476,7 +535,8 @@ impl Display for Generated {
     }
 }
 
-fn feedback_name(feedback: Feedback) -> &'static str {
+/// `"acceleration"` or `"force"`.
+pub fn feedback_name(feedback: Feedback) -> &'static str {
     match feedback {
         Feedback::Acceleration => "acceleration",
         Feedback::Force => "force",

@@ -1,0 +1,583 @@
+//! Zeros, poles, singular values, the generalised plant, and machines side by
+//! side.
+
+use std::fmt::{self, Display, Formatter};
+
+use nalgebra::Complex;
+use serde::Serialize;
+use shared::LEGS;
+use shared::table::{Feedback, ValidTable};
+
+use super::{Pole, Rows, digest, feedback_name, rows};
+use crate::closed_loop::{LinearLaw, SampledLoop, close_ideal, grid, stable};
+use crate::design::ideal_poles;
+use crate::energy::{Kind, energies};
+use crate::export::Generalised;
+use crate::machine::{Machine, MachineError};
+use crate::plant::{largest_singular_value, pole_peaks};
+use crate::roll_off::{Band, RollOff, RollOffError};
+use crate::study::Study;
+use crate::zeros::transmission_zeros;
+
+/// The kinds of feedback that a machine has sensors for, each with its study.
+pub fn both_kinds(machine: &Machine) -> Result<Vec<Study>, MachineError> {
+    [Feedback::Acceleration, Feedback::Force]
+        .into_iter()
+        .filter_map(|feedback| machine.with_feedback(feedback))
+        .map(Study::new)
+        .collect()
+}
+
+/// `host-gen zeros`.
+#[derive(Debug, Serialize)]
+pub struct Zeros {
+    machine: String,
+    model_sha256: String,
+    kinds: Vec<ZerosOfKind>,
+}
+
+#[derive(Debug, Serialize)]
+struct ZerosOfKind {
+    feedback: &'static str,
+    zeros: Vec<Zero>,
+    /// A zero that grows: the machine with its sensors held is unstable.
+    unstable: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Zero {
+    #[serde(flatten)]
+    at: Pole,
+    /// The nearest pole of the ideal loop, Hz.
+    nearest_closed_loop_hz: Option<f64>,
+}
+
+impl Zeros {
+    /// Of all kinds of feedback a machine has sensors for.
+    ///
+    /// # Errors
+    /// As [`Study::new`]. Where an eigenvalue iteration does not end, that
+    /// kind's list is empty.
+    pub fn new(machine: &Machine) -> Result<Self, MachineError> {
+        let kinds = both_kinds(machine)?.iter().map(ZerosOfKind::new).collect();
+        Ok(Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            kinds,
+        })
+    }
+}
+
+impl ZerosOfKind {
+    fn new(study: &Study) -> Self {
+        let plant = &study.plant.plant.state_space;
+        let feedback = study.design.feedback;
+        let zeros = transmission_zeros(plant, feedback).unwrap_or_default();
+        let poles = ideal_poles(plant, &study.gains).unwrap_or_default();
+        // Rounding leaves real parts of 1e-9 or so of a zero's size.
+        let unstable = zeros.iter().any(|s| s.re > 1e-6 * s.norm());
+        Self {
+            feedback: feedback_name(feedback),
+            zeros: zeros
+                .into_iter()
+                // One of each conjugate pair.
+                .filter(|s| s.im >= 0.0)
+                .map(|s| Zero {
+                    nearest_closed_loop_hz: poles
+                        .iter()
+                        .min_by(|a, b| (*a - s).norm().total_cmp(&(*b - s).norm()))
+                        .map(|pole| Pole::from(*pole).hz),
+                    at: s.into(),
+                })
+                .collect(),
+            unstable,
+        }
+    }
+}
+
+impl Display for Zeros {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "Transmission zeros of {}, leg forces to sensors (G22)",
+            self.machine
+        )?;
+        writeln!(
+            f,
+            "  High gain moves the closed loop's poles onto them: there the loop has no hold."
+        )?;
+        for kind in &self.kinds {
+            writeln!(f, "  {} feedback", kind.feedback)?;
+            writeln!(
+                f,
+                "            Hz     damping   nearest pole of the ideal loop, Hz"
+            )?;
+            for zero in &kind.zeros {
+                let nearest = zero.nearest_closed_loop_hz.unwrap_or(f64::NAN);
+                writeln!(
+                    f,
+                    "    {:>10.3}  {:>10.4}   {nearest:>10.3}",
+                    zero.at.hz, zero.at.damping
+                )?;
+            }
+            if kind.unstable {
+                writeln!(
+                    f,
+                    "    Warning: a zero grows. What is left with the sensors held is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can hold it."
+                )?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `host-gen poles`.
+#[derive(Debug, Serialize)]
+pub struct Poles {
+    machine: String,
+    model_sha256: String,
+    feedback: &'static str,
+    open: Vec<Pole>,
+    ideal: Vec<Pole>,
+    sampled: Vec<Pole>,
+    stable: bool,
+}
+
+impl Poles {
+    /// Of a study, the sampled loop under `table`.
+    ///
+    /// # Errors
+    /// Where an eigenvalue iteration does not end.
+    pub fn new(study: &Study, table: &ValidTable) -> Result<Self, RollOffError> {
+        let plant = &study.plant.plant;
+        let closed = SampledLoop {
+            plant: &study.plant,
+            law: LinearLaw::new(table),
+        };
+        let ideal = ideal_poles(&plant.state_space, &study.gains);
+        let (Some(ideal), Some(sampled)) = (ideal, closed.poles()) else {
+            return Err(RollOffError::Eigenvalues);
+        };
+        // One of each conjugate pair; poles of the delay, faster than half the
+        // sample rate, say nothing of the machine.
+        let fastest = core::f64::consts::PI / study.plant.period;
+        let list = |poles: &[Complex<f64>]| {
+            poles
+                .iter()
+                .filter(|s| s.im >= 0.0 && s.norm() < fastest)
+                .map(|s| Pole::from(*s))
+                .collect()
+        };
+        Ok(Self {
+            machine: study.machine.name.clone(),
+            model_sha256: digest(&study.machine),
+            feedback: feedback_name(study.design.feedback),
+            open: list(&plant.poles.iter().map(|p| p.lambda).collect::<Vec<_>>()),
+            ideal: list(&ideal),
+            stable: stable(&sampled),
+            sampled: list(&sampled),
+        })
+    }
+}
+
+impl Display for Poles {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "Poles of {}, {} feedback", self.machine, self.feedback)?;
+        let length = self
+            .open
+            .len()
+            .max(self.ideal.len())
+            .max(self.sampled.len());
+        writeln!(
+            f,
+            "        open: Hz  damping      ideal: Hz  damping    sampled: Hz  damping"
+        )?;
+        for i in 0..length {
+            for list in [&self.open, &self.ideal, &self.sampled] {
+                match list.get(i) {
+                    Some(pole) => write!(f, "    {:>12.4} {:>8.4}", pole.hz, pole.damping)?,
+                    None => write!(f, "{:25}", "")?,
+                }
+            }
+            writeln!(f)?;
+        }
+        writeln!(
+            f,
+            "  The sampled loop is {}.",
+            if self.stable { "stable" } else { "unstable" }
+        )
+    }
+}
+
+/// `host-gen sigma`.
+#[derive(Debug, Serialize)]
+pub struct Sigma {
+    machine: String,
+    model_sha256: String,
+    hz: Vec<f64>,
+    curves: Vec<Curve>,
+    /// Loops that are not among the curves, and why.
+    missing: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct Curve {
+    name: String,
+    /// The largest singular value of G11 at every `hz`.
+    sigma_max: Vec<f64>,
+}
+
+impl Sigma {
+    /// σ_max(G11) from `low` to `high` Hz, `count` points evenly in the
+    /// logarithm and more about every lightly damped pole, open and closed, so
+    /// that no peak lies between two of them.
+    ///
+    /// # Errors
+    /// As [`Study::new`], or where an eigenvalue iteration does not end.
+    pub fn new(machine: &Machine, low: f64, high: f64, count: usize) -> Result<Self, SigmaError> {
+        let studies = both_kinds(machine)?;
+        let mut missing = Vec::new();
+        let mut peaks = Vec::new();
+        let mut loops = Vec::new();
+        for study in &studies {
+            let plant = &study.plant.plant;
+            peaks.extend(plant.peaks());
+            let ideal =
+                ideal_poles(&plant.state_space, &study.gains).ok_or(RollOffError::Eigenvalues)?;
+            peaks.extend(pole_peaks(&ideal));
+            let name = feedback_name(study.design.feedback);
+            if !stable(&ideal) {
+                missing.push(format!("{name}, ideal: that loop is unstable"));
+            }
+            let sampled = match study.table() {
+                Ok((table, _)) => {
+                    let law = LinearLaw::new(&table);
+                    let plant = &study.plant;
+                    let closed = SampledLoop { plant, law };
+                    peaks.extend(pole_peaks(&closed.poles().unwrap_or_default()));
+                    Some(closed)
+                }
+                Err(error) => {
+                    missing.push(format!("{name}, sampled: {error}"));
+                    None
+                }
+            };
+            loops.push((study, stable(&ideal), sampled));
+        }
+        let hz = grid(low, high, count, &peaks);
+        let curve = |name: String, sigma: &dyn Fn(f64) -> f64| Curve {
+            name,
+            sigma_max: hz.iter().map(|&hz| sigma(hz)).collect(),
+        };
+        let mut curves = Vec::new();
+        for (i, (study, ideal, sampled)) in loops.iter().enumerate() {
+            let plant = &study.plant.plant;
+            let rows = plant.performance();
+            if i == 0 {
+                curves.push(curve("open".to_owned(), &|hz| {
+                    largest_singular_value(&plant.response(hz).from_floor(rows.clone()))
+                }));
+            }
+            let name = feedback_name(study.design.feedback);
+            if *ideal {
+                curves.push(curve(format!("{name}, ideal"), &|hz| {
+                    largest_singular_value(&close_ideal(plant, &study.gains, hz, rows.clone()))
+                }));
+            }
+            if let Some(closed) = sampled {
+                curves.push(curve(format!("{name}, sampled"), &|hz| {
+                    largest_singular_value(&closed.close(hz, rows.clone()))
+                }));
+            }
+        }
+        Ok(Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            hz,
+            curves,
+            missing,
+        })
+    }
+}
+
+/// Why there are no singular values.
+#[derive(Debug, thiserror::Error)]
+pub enum SigmaError {
+    /// The machine.
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+    /// The loop.
+    #[error(transparent)]
+    Loop(#[from] RollOffError),
+}
+
+impl Display for Sigma {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "σ_max(G11) of {}, dB, at the peaks of each curve",
+            self.machine
+        )?;
+        for curve in &self.curves {
+            writeln!(f, "  {}", curve.name)?;
+            let db: Vec<f64> = curve.sigma_max.iter().map(|s| 20.0 * s.log10()).collect();
+            for i in peaks(&db) {
+                writeln!(f, "    {:>10.3} Hz {:>8.1} dB", self.hz[i], db[i])?;
+            }
+        }
+        for missing in &self.missing {
+            writeln!(f, "  not shown: {missing}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The maxima that stand half a dB above the valleys on either side; ripples
+/// of rounding between close frequencies do not.
+fn peaks(db: &[f64]) -> Vec<usize> {
+    const RISE: f64 = 0.5;
+    let mut peaks = Vec::new();
+    let (mut top, mut bottom) = (0, 0);
+    let mut rising = false;
+    for i in 0..db.len() {
+        if rising {
+            if db[i] > db[top] {
+                top = i;
+            } else if db[i] < db[top] - RISE {
+                peaks.push(top);
+                rising = false;
+                bottom = i;
+            }
+        } else if db[i] < db[bottom] {
+            bottom = i;
+        } else if db[i] > db[bottom] + RISE {
+            rising = true;
+            top = i;
+        }
+    }
+    peaks
+}
+
+/// `host-gen plant`.
+#[derive(Debug, Serialize)]
+pub struct PlantMatrices {
+    machine: String,
+    model_sha256: String,
+    inputs: Vec<String>,
+    kinds: Vec<PlantOfKind>,
+}
+
+#[derive(Debug, Serialize)]
+struct PlantOfKind {
+    feedback: &'static str,
+    outputs: Vec<String>,
+    a: Rows,
+    b: Rows,
+    c: Rows,
+    d: Rows,
+}
+
+impl PlantMatrices {
+    /// Of all kinds of feedback a machine has sensors for.
+    ///
+    /// # Errors
+    /// As [`Study::new`].
+    pub fn new(machine: &Machine) -> Result<Self, MachineError> {
+        let beam = |i: &usize| machine.beams[*i].name.clone();
+        let kinds = both_kinds(machine)?
+            .iter()
+            .map(|study| {
+                let g = Generalised::new(&study.plant.plant);
+                let mut outputs = machine.performance_names();
+                match study.design.feedback {
+                    Feedback::Acceleration => {
+                        let sensors = machine.accelerometers.iter().flatten();
+                        outputs.extend(sensors.map(|sensor| sensor.name.clone()));
+                    }
+                    Feedback::Force => {
+                        outputs.extend(machine.force_sensors.iter().flatten().map(beam));
+                    }
+                }
+                PlantOfKind {
+                    feedback: feedback_name(study.design.feedback),
+                    outputs,
+                    a: rows(&g.a),
+                    b: rows(&g.b),
+                    c: rows(&g.c),
+                    d: rows(&g.d),
+                }
+            })
+            .collect();
+        Ok(Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            inputs: machine
+                .floor
+                .iter()
+                .map(|input| input.name.clone())
+                .chain(machine.actuators.iter().map(beam))
+                .collect(),
+            kinds,
+        })
+    }
+}
+
+impl Display for PlantMatrices {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "Generalised plant of {} (Fig. 4)", self.machine)?;
+        writeln!(f, "  inputs: {}", self.inputs.join(" "))?;
+        for kind in &self.kinds {
+            writeln!(
+                f,
+                "  {} feedback: {} states, outputs {}",
+                kind.feedback,
+                kind.a.len(),
+                kind.outputs.join(" ")
+            )?;
+        }
+        writeln!(
+            f,
+            "  The matrices: --format json, or --matrix-market FOLDER."
+        )
+    }
+}
+
+/// `host-gen compare`.
+#[derive(Debug, Serialize)]
+pub struct Compared {
+    machines: Vec<Column>,
+}
+
+#[derive(Debug, Serialize)]
+struct Column {
+    machine: String,
+    model_sha256: String,
+    suspension_hz: Vec<f64>,
+    internal_hz: Vec<f64>,
+    rigid_modes_hz: [f64; LEGS],
+    acceleration_zeros_hz: Vec<f64>,
+    force_zeros_hz: Vec<f64>,
+    /// Largest gain of the law, N/(m/s²) or 1.
+    largest_gain: f64,
+    /// Nothing where the target cannot be reached.
+    roll_off: Option<RollOff>,
+}
+
+impl Compared {
+    /// Machines side by side.
+    ///
+    /// # Errors
+    /// As [`Study::new`].
+    pub fn new(machines: Vec<Machine>) -> Result<Self, MachineError> {
+        let machines = machines
+            .into_iter()
+            .map(Column::new)
+            .collect::<Result<_, _>>()?;
+        Ok(Self { machines })
+    }
+}
+
+impl Column {
+    fn new(machine: Machine) -> Result<Self, MachineError> {
+        let kinds = both_kinds(&machine)?;
+        let zeros = |feedback| {
+            let study = kinds.iter().find(|study| study.design.feedback == feedback);
+            let zeros = study
+                .and_then(|s| transmission_zeros(&s.plant.plant.state_space, feedback))
+                .unwrap_or_default();
+            let upper = zeros.into_iter().filter(|s| s.im >= 0.0);
+            upper.map(|s| Pole::from(s).hz).collect()
+        };
+        let study = Study::new(machine)?;
+        let modes = study.model.modes();
+        let energies = energies(&study.machine, &study.model, &modes);
+        let of = |kind| {
+            let pairs = modes.hertz().into_iter().zip(&energies);
+            let those = pairs.filter(|(_, energies)| energies.kind == kind);
+            those.map(|(hz, _)| hz).collect()
+        };
+        Ok(Self {
+            machine: study.machine.name.clone(),
+            model_sha256: digest(&study.machine),
+            suspension_hz: of(Kind::Suspension),
+            internal_hz: of(Kind::Internal),
+            rigid_modes_hz: study.design.hertz(),
+            acceleration_zeros_hz: zeros(Feedback::Acceleration),
+            force_zeros_hz: zeros(Feedback::Force),
+            largest_gain: study.gains.proportional.amax(),
+            roll_off: study.table().ok().map(|(_, roll_off)| roll_off),
+        })
+    }
+}
+
+impl Display for Compared {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let line = |f: &mut Formatter<'_>, title: &str, cell: &dyn Fn(&Column) -> String| {
+            write!(f, "{title:<34}")?;
+            for column in &self.machines {
+                write!(f, " {:>18}", cell(column))?;
+            }
+            writeln!(f)
+        };
+        line(f, "", &|c| c.machine.clone())?;
+        let list = |f: &mut Formatter<'_>, title: &str, of: &dyn Fn(&Column) -> &[f64]| {
+            let longest = self.machines.iter().map(|c| of(c).len()).max();
+            for i in 0..longest.unwrap_or(0) {
+                let title = if i == 0 { title } else { "" };
+                line(f, title, &|c| {
+                    of(c).get(i).map_or_else(String::new, |x| format!("{x:.3}"))
+                })?;
+            }
+            Ok(())
+        };
+        list(f, "suspension modes, Hz", &|c| &c.suspension_hz)?;
+        list(f, "internal modes, Hz", &|c| &c.internal_hz)?;
+        list(f, "design model, Hz", &|c| &c.rigid_modes_hz)?;
+        list(f, "zeros, acceleration feedback, Hz", &|c| {
+            &c.acceleration_zeros_hz
+        })?;
+        list(f, "zeros, force feedback, Hz", &|c| &c.force_zeros_hz)?;
+        line(f, "largest proportional gain", &|c| {
+            format!("{:.4e}", c.largest_gain)
+        })?;
+        let of_loop = |c: &Column, cell: &dyn Fn(&RollOff) -> String| {
+            c.roll_off
+                .as_ref()
+                .map_or_else(|| "not reached".to_owned(), cell)
+        };
+        line(f, "roll-off, Hz", &|c| {
+            of_loop(c, &|r| r.corner_hz.to_string())
+        })?;
+        line(f, "isolates from, Hz", &|c| {
+            of_loop(c, &|r| format!("{:.2}", r.isolation_from_hz))
+        })?;
+        line(f, "the same, ideal loop, Hz", &|c| {
+            of_loop(c, &|r| format!("{:.2}", r.isolation_from_ideal_hz))
+        })?;
+        let bands = self.machines.iter().filter_map(|c| c.roll_off.as_ref());
+        let names: Vec<_> = bands
+            .flat_map(|r| r.bands.iter().map(|band| band.name.clone()))
+            .fold(Vec::new(), |mut names, name| {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+                names
+            });
+        for name in names {
+            let values: [(&str, fn(&Band) -> f64); 3] = [
+                ("open", |band| band.open_db),
+                ("ideal", |band| band.ideal_db),
+                ("sampled", |band| band.sampled_db),
+            ];
+            for (what, value) in values {
+                line(f, &format!("σ_max(G11), {name}, {what}, dB"), &|c| {
+                    of_loop(c, &|r| {
+                        let band = r.bands.iter().find(|band| band.name == name);
+                        band.map_or_else(String::new, |band| format!("{:.1}", value(band)))
+                    })
+                })?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,60 @@
+//! Transmission zeros of the secondary path, leg forces to sensors (G22).
+//!
+//! Where the sensors read nothing whatever the forces do, the loop has no hold
+//! on the machine: with high gain the closed loop's poles move onto the zeros
+//! (section 5). For accelerations these are the modes of what is left when the
+//! sensors stand still; for forces those without the legs' axial stiffness.
+
+use nalgebra::{Complex, DMatrix};
+use shared::LEGS;
+use shared::table::Feedback;
+
+use crate::linear::{eigenvalues, generalised_eigenvalues};
+use crate::plant::StateSpace;
+
+/// D is inverted if no direction of it is smaller than its scale by this.
+const CONDITION: f64 = 1e8;
+
+/// A finite zero of a machine lies within this many times its fastest pole;
+/// what the pencil gives beyond is infinite but for rounding.
+const FINITE: f64 = 30.0;
+
+/// The zeros, rad/s, slowest first. The first six outputs of `plant` are the
+/// sensors. The twelve zeros at s = 0 that six accelerometers have, because
+/// nothing accelerates at rest, are left out.
+///
+/// None if the eigenvalue iteration does not end.
+pub fn transmission_zeros(plant: &StateSpace, feedback: Feedback) -> Option<Vec<Complex<f64>>> {
+    let b = plant.b.columns(LEGS, LEGS);
+    let c = plant.c.rows(0, LEGS);
+    let d = plant.d.view((0, LEGS), (LEGS, LEGS)).into_owned();
+    // What D would be but for cancellation: sensors that a force reaches only
+    // through springs leave nothing of it but rounding.
+    let slow = plant.a.clone().lu().solve(&b.into_owned())?;
+    let scale = (c.abs() * slow.abs()).amax();
+    let mut zeros = if d.singular_values().min() * CONDITION > scale {
+        let inverse = d.try_inverse()?;
+        eigenvalues(&(&plant.a - b * inverse * c))?
+    } else {
+        let n = plant.a.nrows();
+        let mut left = DMatrix::zeros(n + LEGS, n + LEGS);
+        left.view_mut((0, 0), (n, n)).copy_from(&plant.a);
+        left.view_mut((0, n), (n, LEGS)).copy_from(&b);
+        left.view_mut((n, 0), (LEGS, n)).copy_from(&c);
+        left.view_mut((n, n), (LEGS, LEGS)).copy_from(&d);
+        let mut right = DMatrix::zeros(n + LEGS, n + LEGS);
+        right.view_mut((0, 0), (n, n)).fill_with_identity();
+        let fastest = eigenvalues(&plant.a)?
+            .iter()
+            .map(|s| s.norm())
+            .fold(0.0, f64::max);
+        let mut all = generalised_eigenvalues(&left, &right)?;
+        all.retain(|s| s.norm() < FINITE * fastest);
+        all
+    };
+    zeros.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+    if feedback == Feedback::Acceleration {
+        zeros.drain(..zeros.len().min(2 * LEGS));
+    }
+    Some(zeros)
+}
