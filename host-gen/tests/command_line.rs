@@ -221,3 +221,57 @@ fn a_bad_file_is_one_line_and_exit_1() {
         );
     }
 }
+
+#[test]
+fn analysis_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = quick_model(folder.path());
+    let run = |arguments: &[&str]| {
+        let mut all = arguments.to_vec();
+        all.extend(["--format", "json"]);
+        json(&host_gen(&all, folder.path()))
+    };
+    let length = |value: &serde_json::Value| value.as_array().unwrap().len();
+
+    let zeros = run(&["zeros", &model]);
+    assert_eq!(length(&zeros["kinds"][0]["zeros"]), 6);
+    assert_eq!(length(&zeros["kinds"][1]["zeros"]), 12);
+    assert_eq!(zeros["kinds"][1]["unstable"], false);
+
+    let poles = run(&["poles", &model]);
+    assert_eq!((length(&poles["open"]), length(&poles["ideal"])), (12, 12));
+    assert_eq!(poles["stable"], true);
+
+    let sigma = run(&[
+        "sigma", &model, "--from", "1", "--to", "100", "--points", "20",
+    ]);
+    assert_eq!(length(&sigma["curves"]), 5);
+    assert_eq!(
+        length(&sigma["curves"][3]["sigma_max"]),
+        length(&sigma["hz"])
+    );
+    for bad in [["--from", "0"], ["--to", "0.01"]] {
+        let output = host_gen(&["sigma", &model, bad[0], bad[1]], folder.path());
+        assert_eq!(output.status.code(), Some(1), "{bad:?}");
+    }
+
+    let plant = run(&["plant", &model, "--matrix-market", "out/g"]);
+    assert_eq!(length(&plant["inputs"]), 12);
+    assert_eq!(length(&plant["kinds"][1]["outputs"]), 12);
+    let files = fs::read_dir(folder.path().join("out/g")).unwrap().count();
+    assert_eq!(files, 8);
+
+    let compared = run(&["compare", &model, &model]);
+    assert_eq!(compared["machines"][0], compared["machines"][1]);
+    assert_eq!(length(&compared["machines"][0]["suspension_hz"]), 6);
+    // And as text.
+    for command in [
+        "modes", "gains", "zeros", "poles", "sigma", "plant", "compare", "simulate",
+    ] {
+        let output = host_gen(&[command, &model], folder.path());
+        assert!(
+            output.status.success() && !output.stdout.is_empty(),
+            "{command}"
+        );
+    }
+}

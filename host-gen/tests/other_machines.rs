@@ -15,13 +15,20 @@ use proptest::prelude::*;
 use toml::{Table, Value};
 
 /// One body on six legs, with axial stiffness `axial` and no other.
-fn platform(feet: &[[f64; 3]; 6], tops: &[[f64; 3]; 6], cog: [f64; 3], axial: f64) -> Study {
+fn platform(
+    feet: &[[f64; 3]; 6],
+    tops: &[[f64; 3]; 6],
+    cog: [f64; 3],
+    axial: f64,
+    gravity: [f64; 3],
+) -> Study {
     let mut text = String::from(
         "format = 1\nname = \"platform\"\n[control]\nfeedback = \"force\"\nfrequency = 1.0\ndamping = 0.5\n\
          [board]\nsample_rate = 20e3\nconversion_delay = 0.0\noutput_delay = 40e-6\n\
          adc = { bits = 16, range = 10.0 }\ndac = { bits = 16, range = [0.0, 5.0] }\n\
          force_sensor = { sensitivity = 0.02 }\nactuator = { gain = 100.0, limit = 200.0 }\n",
     );
+    text = format!("gravity = {gravity:?}\n{text}");
     let names = |prefix: &str| {
         let all: Vec<_> = (0..6).map(|i| format!("\"{prefix}{i}\"")).collect();
         all.join(", ")
@@ -90,7 +97,7 @@ fn published_platform() {
     };
     let feet = ring(0.115, 0.015, [-10.0, 10.0, 110.0, 130.0, 230.0, 250.0]);
     let tops = ring(0.090, 0.075, [-50.0, 50.0, 70.0, 170.0, 190.0, -70.0]);
-    let study = platform(&feet, &tops, [0.0, 0.0, 0.135], 20e6);
+    let study = platform(&feet, &tops, [0.0, 0.0, 0.135], 20e6, [0.0; 3]);
     let compliance = study.model.stiffness.try_inverse().unwrap();
     for (axis, expected, unit) in [
         (0, 4.75e-8, 0.01e-8),
@@ -126,7 +133,7 @@ fn cubic_platform() {
     let (ab, bc, ca) = ([1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]);
     let feet = [a, b, b, c, c, a].map(corner);
     let tops = [ab, ab, bc, bc, ca, ca].map(corner);
-    let study = platform(&feet, &tops, [0.0; 3], 1.0);
+    let study = platform(&feet, &tops, [0.0; 3], 1.0, [0.0; 3]);
     let l2 = length * length;
     let expected = Matrix6::from_diagonal(&[2.0, 2.0, 2.0, 0.5 * l2, 0.5 * l2, 2.0 * l2].into());
     let found = study.model.stiffness.fixed_view::<6, 6>(0, 0) - expected;
@@ -382,4 +389,78 @@ proptest! {
         // (0.01 Hz / 10 Hz)²
         prop_assert!((whole - one).camax() < 1e-5);
     }
+}
+
+/// Geometric stiffness, of loaded legs and of a body that turns under forces
+/// on its arms: second differences of the exact potential energy, with finite
+/// rotations and true leg lengths.
+#[test]
+fn stiffness_under_gravity_is_the_energys_curvature() {
+    let ring = |radius: f64, z: f64, degrees: [f64; 6]| {
+        degrees.map(|a| {
+            [
+                radius * a.to_radians().cos(),
+                radius * a.to_radians().sin(),
+                z,
+            ]
+        })
+    };
+    let feet = ring(0.5, 0.0, [-10.0, 15.0, 110.0, 130.0, 230.0, 255.0]);
+    let tops = ring(0.4, 0.3, [-50.0, 50.0, 75.0, 170.0, 190.0, -70.0]);
+    let (cog, axial) = ([0.05, -0.02, 0.7], 1e4);
+    // Strong and slanting, so that every term counts.
+    let gravity = [300.0, -200.0, -981.0];
+    let study = platform(&feet, &tops, cog, axial, gravity);
+    let cog = Vector3::from(cog);
+    let legs: Vec<_> = (0..6)
+        .map(|i| {
+            let (foot, top) = (Vector3::from(feet[i]), Vector3::from(tops[i]));
+            (
+                foot,
+                top - cog,
+                (top - foot).norm(),
+                study.model.statics.axial[i],
+            )
+        })
+        .collect();
+    let energy = |x: &nalgebra::Vector6<f64>| {
+        let shift = x.fixed_rows::<3>(0);
+        let turn = nalgebra::Rotation3::from_scaled_axis(x.fixed_rows::<3>(3).into_owned());
+        let elastic: f64 = legs
+            .iter()
+            .map(|(foot, arm, length, force)| {
+                let stretch = (cog + shift + turn * arm - foot).norm() - length;
+                force * stretch + 0.5 * axial * stretch * stretch
+            })
+            .sum();
+        // The body has 1 kg.
+        elastic - Vector3::from(gravity).dot(&shift)
+    };
+    let step = 1e-3;
+    let moved = |i: usize, a: f64, j: usize, b: f64| {
+        let mut x = nalgebra::Vector6::zeros();
+        x[i] += a * step;
+        x[j] += b * step;
+        energy(&x)
+    };
+    let found = study.model.stiffness.fixed_view::<6, 6>(0, 0).into_owned();
+    for i in 0..6 {
+        // Balance: the energy has no slope.
+        let slope = (moved(i, 1.0, i, 0.0) - moved(i, -1.0, i, 0.0)) / (2.0 * step);
+        assert!(slope.abs() < 0.1, "slope {i}: {slope}");
+        for j in 0..6 {
+            let curvature =
+                (moved(i, 1.0, j, 1.0) - moved(i, 1.0, j, -1.0) - moved(i, -1.0, j, 1.0)
+                    + moved(i, -1.0, j, -1.0))
+                    / (4.0 * step * step);
+            // Differences of fourth order: 1e-6 of the stiffness.
+            assert!(
+                (found[(i, j)] - curvature).abs() < 1e-5 * found.amax(),
+                "({i}, {j}): {} for {curvature}",
+                found[(i, j)]
+            );
+        }
+    }
+    // It matters here: the geometric part is some per cent of the whole.
+    assert!(study.model.statics.geometric.amax() > 0.02 * found.amax());
 }

@@ -442,6 +442,9 @@ impl Display for PlantMatrices {
     }
 }
 
+/// One of a band's levels, dB.
+type Level = fn(&Band) -> f64;
+
 /// `host-gen compare`.
 #[derive(Debug, Serialize)]
 pub struct Compared {
@@ -564,7 +567,7 @@ impl Display for Compared {
                 names
             });
         for name in names {
-            let values: [(&str, fn(&Band) -> f64); 3] = [
+            let values: [(&str, Level); 3] = [
                 ("open", |band| band.open_db),
                 ("ideal", |band| band.ideal_db),
                 ("sampled", |band| band.sampled_db),
