@@ -12,6 +12,7 @@
 //! | [`zeros`], [`export`] | the plant | transmission zeros of G22, matrices for other programs |
 //! | [`closed_loop`] | sampled plant and table | stability, sensitivity, isolation |
 //! | [`roll_off`] | all of these | the corner that the sampled loop bears |
+//! | [`robustness`] | machine, table | the same controller on machines drawn about the file's |
 //! | [`table`] | gains and board | the table and its Rust source |
 //! | [`simulation`] | sampled plant and table | the loop in time, with converters and noise |
 //! | [`study`] | a machine | all of these up to the plant |
@@ -31,6 +32,7 @@ pub mod machine;
 pub mod multibody;
 pub mod output;
 pub mod plant;
+pub mod robustness;
 pub mod roll_off;
 pub mod simulation;
 pub mod statics;

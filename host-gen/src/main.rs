@@ -12,10 +12,12 @@ use host_gen::export::{Generalised, matrix_market};
 use host_gen::machine::{Machine, MachineError};
 use host_gen::output::analysis::{Compared, PlantMatrices, Poles, SigmaError, Zeros, both_kinds};
 use host_gen::output::{self, Gains, Generated, Modes, Simulated};
+use host_gen::robustness::{RobustnessError, monte_carlo};
 use host_gen::roll_off::RollOffError;
 use host_gen::simulation::{Comparison, compare};
 use host_gen::study::Study;
 use host_gen::table::emit;
+use indicatif::ProgressBar;
 use serde::Serialize;
 use shared::table::ValidTable;
 
@@ -51,6 +53,10 @@ enum Command {
     ///
     /// Example: host-gen sigma models/metrology-frame.toml --from 0.1 --to 300
     Sigma(Sigma),
+    /// The controller on machines drawn about the file's: payload, legs.
+    ///
+    /// Example: host-gen robust models/metrology-frame.toml --samples 1000
+    Robust(RobustArguments),
     /// The generalised plant G (Fig. 4) as matrices for other programs.
     ///
     /// Example: host-gen plant models/metrology-frame.toml --matrix-market out
@@ -129,6 +135,18 @@ struct Sigma {
 }
 
 #[derive(Args)]
+struct RobustArguments {
+    #[command(flatten)]
+    common: Common,
+    /// How many machines to draw [default: the file's].
+    #[arg(long)]
+    samples: Option<usize>,
+    /// Seed of the random numbers [default: the file's].
+    #[arg(long)]
+    seed: Option<u64>,
+}
+
+#[derive(Args)]
 struct PlantArguments {
     #[command(flatten)]
     common: Common,
@@ -198,6 +216,7 @@ fn run(command: &Command) -> Result<(), Failure> {
             print(common.format, &poles)
         }
         Command::Sigma(arguments) => sigma(arguments),
+        Command::Robust(arguments) => robust(arguments),
         Command::Plant(arguments) => plant(arguments),
         Command::Compare(arguments) => {
             let machines = arguments.models.iter().map(|model| Machine::load(model));
@@ -239,6 +258,34 @@ fn sigma(arguments: &Sigma) -> Result<(), Failure> {
         Ok(sigma) => print(*format, &sigma),
         Err(SigmaError::Machine(error)) => Err(error.into()),
         Err(SigmaError::Loop(error)) => Err(in_loop(model)(error)),
+    }
+}
+
+fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let mut study = study(model)?;
+    let settings = &mut study.machine.robustness;
+    if let Some(samples) = arguments.samples {
+        if samples == 0 {
+            return Err(Failure::Option("samples"));
+        }
+        settings.samples = samples;
+    }
+    if let Some(seed) = arguments.seed {
+        settings.seed = seed;
+    }
+    // On standard error, and only where that is a terminal.
+    let bar = ProgressBar::new(settings.samples as u64);
+    let (table, roll_off) = table(model, &study)?;
+    let result = monte_carlo(&study, &table, &roll_off.bands, || bar.inc(1));
+    bar.finish_and_clear();
+    match result {
+        Ok(result) => print(
+            *format,
+            &output::analysis::Robustness::new(&study.machine, result),
+        ),
+        Err(RobustnessError::Machine(error)) => Err(error.into()),
+        Err(RobustnessError::Loop(error)) => Err(in_loop(model)(error)),
     }
 }
 

@@ -48,6 +48,9 @@ pub struct File {
     /// The standard run in simulation. Not part of the digest.
     #[serde(default, skip_serializing)]
     pub simulation: Simulation,
+    /// The Monte Carlo run. Not part of the digest.
+    #[serde(default, skip_serializing)]
+    pub robustness: Robustness,
     /// Where the numbers come from. Not part of the digest.
     #[serde(default, skip_serializing)]
     pub provenance: Vec<Provenance>,
@@ -334,6 +337,38 @@ impl Default for Simulation {
             settling: 10.0,
             floor_rms: 1e-3,
             floor_band: [1.0, 200.0],
+            seed: 1,
+        }
+    }
+}
+
+/// `[robustness]`
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Robustness {
+    /// Bodies whose mass and centre of gravity vary; those without a leg if
+    /// not given.
+    pub payload: Option<Vec<String>>,
+    /// Part of the payload's mass and inertia, either way.
+    pub mass: f64,
+    /// Shift of its centre of gravity along each axis, either way, m.
+    pub cog: f64,
+    /// Part of each leg's stiffness, either way.
+    pub leg_stiffness: f64,
+    /// How many machines to draw.
+    pub samples: usize,
+    /// Of the random numbers.
+    pub seed: u64,
+}
+
+impl Default for Robustness {
+    fn default() -> Self {
+        Self {
+            payload: None,
+            mass: 0.2,
+            cog: 0.02,
+            leg_stiffness: 0.1,
+            samples: 200,
             seed: 1,
         }
     }

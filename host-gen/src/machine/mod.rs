@@ -57,6 +57,8 @@ pub struct Machine {
     pub board: Board,
     /// The standard run in simulation.
     pub simulation: Simulation,
+    /// The Monte Carlo run.
+    pub robustness: Robustness,
     /// What of the file is published, reconstructed or assumed.
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description, comments and layout left out.
@@ -222,6 +224,23 @@ impl Board {
     pub fn whole_delay(&self) -> f64 {
         self.latch_delay + 0.5 * self.period()
     }
+}
+
+/// How machines are drawn about this one, each number even between its limits.
+#[derive(Clone, Debug)]
+pub struct Robustness {
+    /// Bodies by index.
+    pub payload: Vec<usize>,
+    /// Part of their mass and inertia.
+    pub mass: f64,
+    /// Shift of their centre of gravity along each axis, m.
+    pub cog: f64,
+    /// Part of each leg's stiffness.
+    pub leg_stiffness: f64,
+    /// How many.
+    pub samples: usize,
+    /// Of the random numbers.
+    pub seed: u64,
 }
 
 /// A sensor with its amplifier.

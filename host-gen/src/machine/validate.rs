@@ -11,7 +11,7 @@ use super::file;
 use super::source::{Source, has};
 use super::{
     Beam, Board, Body, Carrier, Damping, Deformation, Direction, Machine, Node, Performance,
-    Sensor, Stiffness, Target,
+    Robustness, Sensor, Stiffness, Target,
 };
 
 type Checked<T> = Result<T, Fault>;
@@ -141,6 +141,7 @@ pub(super) fn machine(
     }
     let board = board(&file.board, target.feedback)?;
     simulation(&file.simulation, board.sample_rate)?;
+    let robustness = robustness(&file.robustness, &bodies, &names, &actuators)?;
 
     for (i, provenance) in file.provenance.iter().enumerate() {
         for entry in &provenance.entries {
@@ -173,6 +174,7 @@ pub(super) fn machine(
         target,
         board,
         simulation: file.simulation,
+        robustness,
         provenance: file.provenance,
         digest,
         source: source.clone(),
@@ -610,6 +612,56 @@ fn simulation(s: &file::Simulation, sample_rate: f64) -> Checked<()> {
         ));
     }
     Ok(())
+}
+
+fn robustness(
+    spec: &file::Robustness,
+    bodies: &[Body],
+    names: &Names,
+    actuators: &[usize; LEGS],
+) -> Checked<Robustness> {
+    let payload = match &spec.payload {
+        Some(payload) => payload
+            .iter()
+            .map(|name| {
+                let found = bodies.iter().position(|body| body.name == *name);
+                found.ok_or_else(|| {
+                    Fault::new(
+                        "robustness.payload",
+                        format!("body \"{name}\" does not exist; declare it under [bodies]"),
+                    )
+                })
+            })
+            .collect::<Checked<Vec<_>>>()?,
+        None => {
+            let on_legs = |body: usize| {
+                let ends = actuators.iter().flat_map(|&leg| names.beams[leg].ends);
+                let mut carriers = ends.map(|end| names.nodes[end].carrier);
+                carriers.any(|carrier| carrier == Carrier::Body(body))
+            };
+            (0..bodies.len()).filter(|&body| !on_legs(body)).collect()
+        }
+    };
+    for (key, part) in [("mass", spec.mass), ("leg_stiffness", spec.leg_stiffness)] {
+        if !(0.0..1.0).contains(&part) {
+            return Err(Fault::new(
+                format!("robustness.{key}"),
+                "is a part, at least 0 and below 1",
+            ));
+        }
+    }
+    not_negative("robustness.cog", spec.cog)?;
+    if spec.samples == 0 {
+        return Err(Fault::new("robustness.samples", "is at least 1"));
+    }
+    Ok(Robustness {
+        payload,
+        mass: spec.mass,
+        cog: spec.cog,
+        leg_stiffness: spec.leg_stiffness,
+        samples: spec.samples,
+        seed: spec.seed,
+    })
 }
 
 fn node_index(entry: &str, nodes: &[Node], name: &str) -> Checked<usize> {

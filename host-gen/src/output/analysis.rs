@@ -15,6 +15,7 @@ use crate::energy::{Kind, energies};
 use crate::export::Generalised;
 use crate::machine::{Machine, MachineError};
 use crate::plant::{largest_singular_value, pole_peaks};
+use crate::robustness::{Robust, Spread};
 use crate::roll_off::{Band, RollOff, RollOffError};
 use crate::study::Study;
 use crate::zeros::transmission_zeros;
@@ -356,6 +357,90 @@ fn peaks(db: &[f64]) -> Vec<usize> {
         }
     }
     peaks
+}
+
+/// `host-gen robust`.
+#[derive(Debug, Serialize)]
+pub struct Robustness {
+    machine: String,
+    model_sha256: String,
+    payload: Vec<String>,
+    mass: f64,
+    cog: f64,
+    leg_stiffness: f64,
+    seed: u64,
+    #[serde(flatten)]
+    result: Robust,
+}
+
+impl Robustness {
+    /// Of a machine and what was found.
+    pub fn new(machine: &Machine, result: Robust) -> Self {
+        let settings = &machine.robustness;
+        let name = |i: &usize| machine.bodies[*i].name.clone();
+        Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            payload: settings.payload.iter().map(name).collect(),
+            mass: settings.mass,
+            cog: settings.cog,
+            leg_stiffness: settings.leg_stiffness,
+            seed: settings.seed,
+            result,
+        }
+    }
+}
+
+impl Display for Robustness {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let r = &self.result;
+        writeln!(
+            f,
+            "The controller of {} on {} machines about it",
+            self.machine, r.samples
+        )?;
+        writeln!(
+            f,
+            "  payload {} mass ±{:.0} %, centre of gravity ±{:.0} mm; legs ±{:.0} %; seed {}",
+            self.payload.join(", "),
+            100.0 * self.mass,
+            1e3 * self.cog,
+            100.0 * self.leg_stiffness,
+            self.seed
+        )?;
+        writeln!(f, "  stable on {} of {}", r.stable, r.samples)?;
+        writeln!(f, "{:34}   lowest    nominal    highest", "")?;
+        let line = |f: &mut Formatter<'_>, title: &str, s: &Spread| {
+            writeln!(
+                f,
+                "  {title:<30} {:>10.3} {:>10.3} {:>10.3}",
+                s.min, s.nominal, s.max
+            )
+        };
+        line(f, "peak sensitivity", &r.peak_sensitivity)?;
+        line(f, "isolates from, Hz", &r.isolation_from_hz)?;
+        line(f, "lowest damping of any pole", &r.lowest_damping)?;
+        for band in &r.bands {
+            line(
+                f,
+                &format!("σ_max(G11), {}, dB", band.name),
+                &band.sampled_db,
+            )?;
+        }
+        for (title, list) in [("mode, open", &r.open), ("pole, ideal", &r.ideal)] {
+            for (i, moving) in list.iter().enumerate() {
+                line(f, &format!("{title} {}, Hz", i + 1), &moving.hz)?;
+            }
+        }
+        for (i, moving) in r.ideal.iter().enumerate() {
+            line(
+                f,
+                &format!("pole, ideal {}, damping", i + 1),
+                &moving.damping,
+            )?;
+        }
+        Ok(())
+    }
 }
 
 /// `host-gen plant`.

@@ -1,0 +1,259 @@
+//! What the controller does on machines that are not quite the one in the file.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng};
+use rayon::prelude::*;
+use serde::Serialize;
+use shared::table::ValidTable;
+
+use crate::closed_loop::{LinearLaw, LoopGrid, SampledLoop, corner, grid, stable};
+use crate::design::{Design, ideal_poles};
+use crate::machine::{Machine, MachineError, Robustness};
+use crate::multibody::Multibody;
+use crate::plant::{Plant, SampledPlant, largest_singular_value, pole_peaks};
+use crate::roll_off::{Band, RollOffError};
+use crate::study::Study;
+
+/// Smallest, nominal and largest value over all samples.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// Smallest.
+    pub min: f64,
+    /// Of the machine as it is in the file.
+    pub nominal: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// A pole and how far it moves.
+#[derive(Clone, Debug, Serialize)]
+pub struct Moving {
+    /// Hz.
+    pub hz: Spread,
+    /// Relative damping.
+    pub damping: Spread,
+}
+
+/// A band and how far its peak moves.
+#[derive(Clone, Debug, Serialize)]
+pub struct MovingBand {
+    /// Name.
+    pub name: String,
+    /// Highest σ_max(G11) of the sampled loop, dB.
+    pub sampled_db: Spread,
+}
+
+/// What the Monte Carlo run found. The controller is that of the file.
+#[derive(Clone, Debug, Serialize)]
+pub struct Robust {
+    /// How often a machine was drawn.
+    pub samples: usize,
+    /// How many of them the sampled loop is stable on.
+    pub stable: usize,
+    /// Peak sensitivity of the sampled loop, of the stable ones.
+    pub peak_sensitivity: Spread,
+    /// Above this the machine does not follow the floor, Hz, of the stable ones.
+    pub isolation_from_hz: Spread,
+    /// Peaks in the bands, of the stable ones.
+    pub bands: Vec<MovingBand>,
+    /// Modes without control.
+    pub open: Vec<Moving>,
+    /// Poles under the ideal law.
+    pub ideal: Vec<Moving>,
+    /// Lowest damping of any pole of the sampled loop below the delay's.
+    pub lowest_damping: Spread,
+}
+
+/// Why there is no result.
+#[derive(Debug, thiserror::Error)]
+pub enum RobustnessError {
+    /// A drawn machine cannot be modelled.
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+    /// The loop.
+    #[error(transparent)]
+    Loop(#[from] RollOffError),
+}
+
+/// One machine under the controller of another.
+struct Sample {
+    stable: bool,
+    peak_sensitivity: f64,
+    isolation_from_hz: f64,
+    bands: Vec<f64>,
+    open: Vec<(f64, f64)>,
+    ideal: Vec<(f64, f64)>,
+    lowest_damping: f64,
+}
+
+/// Runs the samples over all cores; `progress` is called after each.
+///
+/// # Errors
+/// Where a drawn machine cannot be modelled or an eigenvalue iteration does not
+/// end.
+pub fn monte_carlo(
+    study: &Study,
+    table: &ValidTable,
+    bands: &[Band],
+    progress: impl Fn() + Sync,
+) -> Result<Robust, RobustnessError> {
+    let settings = &study.machine.robustness;
+    // A stream of its own for every sample: the order in which the cores take
+    // them does not matter.
+    let samples: Vec<Sample> = (0..settings.samples)
+        .into_par_iter()
+        .map(|i| {
+            let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
+            random.set_stream(i as u64);
+            let machine = drawn(&study.machine, settings, &mut random);
+            let sample = Sample::new(study, machine, table, bands);
+            progress();
+            sample
+        })
+        .collect::<Result<_, _>>()?;
+    let nominal = Sample::new(study, study.machine.clone(), table, bands)?;
+    Ok(summary(&nominal, &samples, bands))
+}
+
+/// A machine of the same kind: payload heavier or lighter and its centre of
+/// gravity elsewhere, every leg stiffer or softer.
+fn drawn(machine: &Machine, settings: &Robustness, random: &mut ChaCha8Rng) -> Machine {
+    // Even between −1 and 1.
+    let mut even = || (random.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
+    let mut machine = machine.clone();
+    for &i in &settings.payload {
+        let body = &mut machine.bodies[i];
+        let factor = 1.0 + settings.mass * even();
+        body.mass *= factor;
+        body.inertia *= factor;
+        for x in body.cog.iter_mut() {
+            *x += settings.cog * even();
+        }
+    }
+    for &leg in &machine.actuators {
+        let stiffness = &mut machine.beams[leg].stiffness;
+        let factor = 1.0 + settings.leg_stiffness * even();
+        stiffness.axial *= factor;
+        stiffness.torsion *= factor;
+        stiffness.bending = stiffness.bending.map(|x| x * factor);
+    }
+    machine
+}
+
+impl Sample {
+    fn new(
+        study: &Study,
+        machine: Machine,
+        table: &ValidTable,
+        bands: &[Band],
+    ) -> Result<Self, RobustnessError> {
+        let model = Multibody::new(&machine)?;
+        let design = Design::new(&machine, &model, study.design.feedback)?;
+        let plant = Plant::new(&machine, &model, &design)?;
+        let ideal =
+            ideal_poles(&plant.state_space, &study.gains).ok_or(RollOffError::Eigenvalues)?;
+        let open = plant
+            .poles
+            .iter()
+            .map(|pole| pole.lambda)
+            .collect::<Vec<_>>();
+        let sampled = SampledPlant::new(plant, &machine.board);
+        let law = LinearLaw::new(table);
+        let closed = SampledLoop {
+            plant: &sampled,
+            law,
+        };
+        let poles = closed.poles().ok_or(RollOffError::Eigenvalues)?;
+        let frequency = machine.target.frequency;
+        // The controller's own modal coordinates.
+        let loops = LoopGrid::new(&sampled, &study.design.modal, 0.02 * frequency);
+        let peaks = pole_peaks(&poles);
+        let high = 3.0 * design.hertz()[5].max(frequency);
+        let rows = sampled.plant.performance();
+        let upper = |poles: &[nalgebra::Complex<f64>]| {
+            poles
+                .iter()
+                .filter(|s| s.im >= 0.0)
+                .map(|s| (s.norm() / core::f64::consts::TAU, -s.re / s.norm()))
+                .collect::<Vec<_>>()
+        };
+        let fastest = core::f64::consts::PI / sampled.period;
+        Ok(Self {
+            stable: stable(&poles),
+            peak_sensitivity: loops.peak(&sampled, &law).value,
+            isolation_from_hz: corner(0.1 * frequency, high, &peaks, |hz| {
+                closed.transmissibility(hz)
+            }),
+            bands: bands
+                .iter()
+                .map(|band| {
+                    let highest = grid(band.low_hz, band.high_hz, 150, &peaks)
+                        .into_iter()
+                        .map(|hz| largest_singular_value(&closed.close(hz, rows.clone())))
+                        .fold(0.0, f64::max);
+                    20.0 * highest.log10()
+                })
+                .collect(),
+            open: upper(&open),
+            ideal: upper(&ideal),
+            lowest_damping: poles
+                .iter()
+                .filter(|s| s.norm() < fastest)
+                .map(|s| -s.re / s.norm())
+                .fold(1.0, f64::min),
+        })
+    }
+}
+
+fn spread<'a>(nominal: f64, values: impl Iterator<Item = f64> + 'a) -> Spread {
+    let start = Spread {
+        min: nominal,
+        nominal,
+        max: nominal,
+    };
+    values.fold(start, |spread, x| Spread {
+        min: spread.min.min(x),
+        nominal,
+        max: spread.max.max(x),
+    })
+}
+
+fn summary(nominal: &Sample, samples: &[Sample], bands: &[Band]) -> Robust {
+    let stable: Vec<&Sample> = samples.iter().filter(|s| s.stable).collect();
+    let of_stable = |of: &dyn Fn(&Sample) -> f64| spread(of(nominal), stable.iter().map(|s| of(s)));
+    let moving = |of: &dyn Fn(&Sample) -> &[(f64, f64)]| {
+        (0..of(nominal).len())
+            .map(|i| {
+                // A pole that became real has no place in the list.
+                let at = |part: fn((f64, f64)) -> f64| {
+                    let values = samples.iter().filter_map(|s| of(s).get(i).copied());
+                    spread(part(of(nominal)[i]), values.map(part))
+                };
+                Moving {
+                    hz: at(|(hz, _)| hz),
+                    damping: at(|(_, damping)| damping),
+                }
+            })
+            .collect()
+    };
+    Robust {
+        samples: samples.len(),
+        stable: stable.len(),
+        peak_sensitivity: of_stable(&|s| s.peak_sensitivity),
+        isolation_from_hz: of_stable(&|s| s.isolation_from_hz),
+        bands: bands
+            .iter()
+            .enumerate()
+            .map(|(i, band)| MovingBand {
+                name: band.name.clone(),
+                sampled_db: of_stable(&|s| s.bands[i]),
+            })
+            .collect(),
+        open: moving(&|s| &s.open),
+        ideal: moving(&|s| &s.ideal),
+        lowest_damping: spread(
+            nominal.lowest_damping,
+            samples.iter().map(|s| s.lowest_damping),
+        ),
+    }
+}
