@@ -14,6 +14,7 @@
 //! | [`roll_off`] | all of these | the corner that the sampled loop bears |
 //! | [`robustness`] | machine, table | the same controller on machines drawn about the file's |
 //! | [`table`] | gains and board | the table and its Rust source |
+//! | [`spectrum`] | sampled plant, table, a floor | spectra, their sources, the criterion met |
 //! | [`simulation`] | sampled plant and table | the loop in time, with converters and noise |
 //! | [`study`] | a machine | all of these up to the plant |
 //! | [`output`] | results | text and JSON |
@@ -35,6 +36,7 @@ pub mod plant;
 pub mod robustness;
 pub mod roll_off;
 pub mod simulation;
+pub mod spectrum;
 pub mod statics;
 pub mod study;
 pub mod table;

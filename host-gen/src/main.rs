@@ -15,6 +15,7 @@ use host_gen::output::{self, Gains, Generated, Modes, Simulated};
 use host_gen::robustness::{RobustnessError, monte_carlo};
 use host_gen::roll_off::RollOffError;
 use host_gen::simulation::{Comparison, compare};
+use host_gen::spectrum::{Criterion, Floor};
 use host_gen::study::Study;
 use host_gen::table::emit;
 use indicatif::ProgressBar;
@@ -57,6 +58,10 @@ enum Command {
     ///
     /// Example: host-gen robust models/metrology-frame.toml --samples 1000
     Robust(RobustArguments),
+    /// Spectra on a floor, where they come from, and the criterion met.
+    ///
+    /// Example: host-gen floor models/metrology-frame.toml --criterion vc-c
+    Floor(FloorArguments),
     /// The generalised plant G (Fig. 4) as matrices for other programs.
     ///
     /// Example: host-gen plant models/metrology-frame.toml --matrix-market out
@@ -147,6 +152,35 @@ struct RobustArguments {
 }
 
 #[derive(Args)]
+struct FloorArguments {
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    floor: FloorChoice,
+    /// Lowest frequency, Hz.
+    #[arg(long, default_value_t = 0.5)]
+    from: f64,
+    /// Highest frequency, Hz.
+    #[arg(long, default_value_t = 300.0)]
+    to: f64,
+}
+
+#[derive(Args)]
+#[group(required = true, multiple = false)]
+struct FloorChoice {
+    /// A floor as strong as a vibration criterion allows.
+    #[arg(long, value_enum)]
+    criterion: Option<Criterion>,
+    /// White acceleration of each input, m/s²/√Hz.
+    #[arg(long)]
+    white: Option<f64>,
+    /// A text file of frequency, Hz, and acceleration density, m/s²/√Hz, two
+    /// numbers a line, frequencies ascending; # begins a comment.
+    #[arg(long)]
+    spectrum: Option<PathBuf>,
+}
+
+#[derive(Args)]
 struct PlantArguments {
     #[command(flatten)]
     common: Common,
@@ -179,6 +213,10 @@ enum Failure {
     },
     #[error("there is no folder {0} here; run from the project's root or give --table PATH")]
     NoTables(String),
+    #[error(
+        "{path}:{line}: a line is a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, not negative"
+    )]
+    Spectrum { path: String, line: usize },
     #[error("--to must be finite and above --from")]
     Range,
     #[error("--{0} must be positive and finite")]
@@ -217,6 +255,7 @@ fn run(command: &Command) -> Result<(), Failure> {
         }
         Command::Sigma(arguments) => sigma(arguments),
         Command::Robust(arguments) => robust(arguments),
+        Command::Floor(arguments) => floor(arguments),
         Command::Plant(arguments) => plant(arguments),
         Command::Compare(arguments) => {
             let machines = arguments.models.iter().map(|model| Machine::load(model));
@@ -247,12 +286,7 @@ fn sigma(arguments: &Sigma) -> Result<(), Failure> {
         from, to, points, ..
     } = arguments;
     let Common { model, format } = &arguments.common;
-    if !(from.is_finite() && from > 0.0) {
-        return Err(Failure::Option("from"));
-    }
-    if !(to.is_finite() && to > from) {
-        return Err(Failure::Range);
-    }
+    let [from, to] = band(from, to)?;
     let machine = Machine::load(model)?;
     match output::analysis::Sigma::new(&machine, from, to, points.max(2)) {
         Ok(sigma) => print(*format, &sigma),
@@ -287,6 +321,77 @@ fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
         Err(RobustnessError::Machine(error)) => Err(error.into()),
         Err(RobustnessError::Loop(error)) => Err(in_loop(model)(error)),
     }
+}
+
+fn floor(arguments: &FloorArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let band = band(arguments.from, arguments.to)?;
+    let (floor, name) = match &arguments.floor {
+        FloorChoice {
+            criterion: Some(criterion),
+            ..
+        } => (Floor::Criterion(*criterion), criterion.name().to_owned()),
+        FloorChoice {
+            spectrum: Some(path),
+            ..
+        } => (spectrum(path)?, path.display().to_string()),
+        FloorChoice { white, .. } => {
+            let density = white.unwrap_or(f64::NAN);
+            if !(density.is_finite() && density >= 0.0) {
+                return Err(Failure::Option("white"));
+            }
+            (
+                Floor::White(density),
+                format!("white, {density:e} m/s²/√Hz"),
+            )
+        }
+    };
+    let study = study(model)?;
+    let (table, _) = table(model, &study)?;
+    let report = output::floor::Floors::new(&study, &table, &floor, name, band);
+    print(*format, &report.map_err(in_loop(model))?)
+}
+
+fn band(from: f64, to: f64) -> Result<[f64; 2], Failure> {
+    if !(from.is_finite() && from > 0.0) {
+        return Err(Failure::Option("from"));
+    }
+    if !(to.is_finite() && to > from) {
+        return Err(Failure::Range);
+    }
+    Ok([from, to])
+}
+
+fn spectrum(path: &Path) -> Result<Floor, Failure> {
+    let text = fs::read_to_string(path).map_err(|error| Failure::Io {
+        path: path.display().to_string(),
+        what: "read",
+        error,
+    })?;
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for (i, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default();
+        let numbers: Vec<Option<f64>> = line
+            .split_whitespace()
+            .map(|word| word.parse().ok())
+            .collect();
+        let last = points.last().map_or(0.0, |(hz, _)| *hz);
+        match numbers[..] {
+            [] => {}
+            [Some(hz), Some(density)]
+                if hz.is_finite() && hz > last && density.is_finite() && density >= 0.0 =>
+            {
+                points.push((hz, density));
+            }
+            _ => {
+                return Err(Failure::Spectrum {
+                    path: path.display().to_string(),
+                    line: i + 1,
+                });
+            }
+        }
+    }
+    Ok(Floor::Table(points))
 }
 
 fn plant(arguments: &PlantArguments) -> Result<(), Failure> {

@@ -342,6 +342,31 @@ impl Multibody {
         }
     }
 
+    /// The mean translation along an axis, 0 to 2, of the ends of the actuated
+    /// legs that are not on the base, as [`Multibody::direction`] gives it.
+    pub(crate) fn mounts(&self, machine: &Machine, axis: usize) -> (DVector<f64>, RowVector6<f64>) {
+        let mut sum = (DVector::zeros(self.mass.nrows()), RowVector6::zeros());
+        let mut count = 0.0;
+        for &leg in &machine.actuators {
+            for &node in &machine.beams[leg].ends {
+                if machine.nodes[node].carrier == Carrier::Base {
+                    continue;
+                }
+                let direction = Direction {
+                    name: String::new(),
+                    node,
+                    direction: Vector3::ith(axis, 1.0),
+                };
+                let (relative, ride) = self.direction(machine, &direction);
+                sum.0 += relative;
+                sum.1 += ride;
+                count += 1.0;
+            }
+        }
+        // Independent legs have an end on a body: checked before.
+        (sum.0 / count, sum.1 / count)
+    }
+
     /// A deformation's row from body coordinates.
     pub fn deformation(&self, machine: &Machine, d: Deformation) -> DVector<f64> {
         deformations_from_bodies(machine, &machine.beams[d.beam])

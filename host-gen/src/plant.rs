@@ -244,7 +244,7 @@ impl Plant {
         let actuators = shapes.transpose() * model.elongations.transpose();
 
         let count = machine.performance.len();
-        let mut out = Outputs::zeros(2 * LEGS + count, n);
+        let mut out = Outputs::zeros(3 * LEGS + count + 3, n);
         match design.feedback {
             Feedback::Acceleration => {
                 let all = machine.accelerometers.iter().flatten();
@@ -299,6 +299,19 @@ impl Plant {
         out.floor
             .rows_mut(LEGS + count, LEGS)
             .copy_from(&(&momentum * &model.ride * floor_inverse));
+
+        let legs = 2 * LEGS + count;
+        out.acceleration
+            .rows_mut(legs, LEGS)
+            .copy_from(&(&model.elongations * shapes));
+        for axis in 0..3 {
+            let (relative, ride) = model.mounts(machine, axis);
+            let at = legs + LEGS + axis;
+            out.acceleration
+                .row_mut(at)
+                .copy_from(&(relative.transpose() * shapes));
+            out.floor.row_mut(at).copy_from(&(ride * floor_inverse));
+        }
 
         let Modes {
             squares, damping, ..
@@ -368,6 +381,20 @@ impl Plant {
     /// √kg·m/s².
     pub fn whole(&self) -> Range<usize> {
         LEGS + self.performance..2 * LEGS + self.performance
+    }
+
+    /// Rows of the second time derivatives of the actuated legs' elongations,
+    /// m/s².
+    pub fn legs(&self) -> Range<usize> {
+        let start = self.whole().end;
+        start..start + LEGS
+    }
+
+    /// Rows of the frame's acceleration along x, y and z, m/s²: the mean over
+    /// the upper ends of the actuated legs.
+    pub fn frame(&self) -> Range<usize> {
+        let start = self.legs().end;
+        start..start + 3
     }
 
     /// The pole pairs as resonances: Hz and half width, Hz.

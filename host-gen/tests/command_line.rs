@@ -261,6 +261,25 @@ fn analysis_commands() {
     let files = fs::read_dir(folder.path().join("out/g")).unwrap().count();
     assert_eq!(files, 8);
 
+    let floor = run(&["floor", &model, "--criterion", "vc-c"]);
+    assert_eq!(floor["floor"], "VC-C");
+    assert_eq!(length(&floor["closed"]["rms"]), 6 + 3 + 6 + 6);
+    assert_eq!(length(&floor["closed"]["thirds"]), 20);
+    fs::write(
+        folder.path().join("s.txt"),
+        "# mine\n1 1e-5\n100 1e-4 # end\n",
+    )
+    .unwrap();
+    run(&["floor", &model, "--spectrum", "s.txt"]);
+    fs::write(folder.path().join("s.txt"), "1 1e-5\n0.5 1e-4\n").unwrap();
+    let bad = host_gen(&["floor", &model, "--spectrum", "s.txt"], folder.path());
+    assert!(text(&bad.stderr).contains("s.txt:2: a line is a frequency"));
+    let robust = run(&["robust", &model, "--samples", "4", "--seed", "9"]);
+    assert_eq!(
+        (&robust["samples"], &robust["stable"]),
+        (&4.into(), &4.into())
+    );
+
     let compared = run(&["compare", &model, &model]);
     assert_eq!(compared["machines"][0], compared["machines"][1]);
     assert_eq!(length(&compared["machines"][0]["suspension_hz"]), 6);

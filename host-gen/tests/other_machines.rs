@@ -464,3 +464,94 @@ fn stiffness_under_gravity_is_the_energys_curvature() {
     // It matters here: the geometric part is some per cent of the whole.
     assert!(study.model.statics.geometric.amax() > 0.02 * found.amax());
 }
+
+/// One rigid body without a lens goes all the way to a table: its performance is
+/// its own acceleration.
+#[test]
+fn one_body_without_a_lens() {
+    let mut table: Table = model_text().parse().unwrap();
+    table.remove("provenance");
+    for (part, names) in [
+        ("bodies", &["lens"][..]),
+        ("beams", &["block15", "block16", "block17"]),
+        ("nodes", &["lens15", "lens16", "lens17"]),
+    ] {
+        for name in names {
+            table[part].as_table_mut().unwrap().remove(*name);
+        }
+    }
+    let mut put = |key: &str, value: &str| {
+        let parsed: Table = format!("x = {value}").parse().unwrap();
+        set(&mut table, key, parsed["x"].clone());
+    };
+    put(
+        "coordinates.deformations",
+        r#"["leg4.e1", "leg5.e1", "leg6.e1", "leg7.e1", "leg8.e1", "leg9.e1"]"#,
+    );
+    put(
+        "performance",
+        r#"{ accelerations = { top = { node = "frame15", direction = [0.6, 0.0, 0.8] } } }"#,
+    );
+    put("robustness.payload", r#"["frame"]"#);
+    let study = study(&table.to_string());
+    // The design model is the machine: the modes are the same.
+    for (full, rigid) in study.model.modes().hertz().iter().zip(study.design.hertz()) {
+        assert!((full / rigid - 1.0).abs() < 1e-9);
+    }
+    let zeros =
+        host_gen::zeros::transmission_zeros(&study.plant.plant.state_space, study.design.feedback);
+    assert_eq!(zeros.unwrap().len(), 0, "no internal modes, no zeros");
+    let (table, roll_off) = study.table().unwrap();
+    assert!(roll_off.peak_sensitivity.value <= 2.0);
+    let run = |closed| {
+        let settings = &study.machine.simulation;
+        host_gen::simulation::run(&study.plant, &study.machine.board, settings, &table, closed)
+    };
+    assert!(run(true).rms[0] < 0.1 * run(false).rms[0]);
+}
+
+/// A third body on the lens, held by one stout beam: eighteen degrees of
+/// freedom, and the suspension still six modes by energy.
+#[test]
+fn a_second_payload() {
+    let mut table: Table = model_text().parse().unwrap();
+    table.remove("provenance");
+    let mut put = |key: &str, value: &str| {
+        let parsed: Table = format!("x = {value}").parse().unwrap();
+        set(&mut table, key, parsed["x"].clone());
+    };
+    put("nodes.seat", "[0.1, 0.05, -0.2]");
+    put("nodes.stage", "[0.1, 0.05, -0.35]");
+    put(
+        "bodies.lens.nodes",
+        r#"["lens15", "lens16", "lens17", "seat"]"#,
+    );
+    put(
+        "bodies.stage",
+        r#"{ mass = 40.0, inertia = [0.8, 0.9, 0.7], cog = [0.12, 0.05, -0.4], nodes = ["stage"] }"#,
+    );
+    put(
+        "beams.post",
+        r#"{ nodes = ["seat", "stage"], stiffness = { axial = 6e8, bending = [4e6, 5e6], torsion = 3e6 } }"#,
+    );
+    put(
+        "coordinates.deformations",
+        r#"["leg4.e1", "leg5.e1", "leg6.e1", "leg7.e1", "leg8.e1", "leg9.e1",
+            "block15.e1", "block15.e2", "block15.e3", "block15.e4", "block15.e5", "block15.e6",
+            "post.e1", "post.e2", "post.e3", "post.e4", "post.e5", "post.e6"]"#,
+    );
+    let study = study(&table.to_string());
+    assert_eq!(study.model.modes().squares.len(), 18);
+    assert_eq!(study.machine.robustness.payload, [1, 2]);
+    let modes = study.model.modes();
+    let energies = host_gen::energy::energies(&study.machine, &study.model, &modes);
+    let kinds = energies
+        .iter()
+        .filter(|e| e.kind == host_gen::energy::Kind::Suspension);
+    assert_eq!(kinds.count(), 6);
+    let poles = ideal_poles(&Plant::of_design(&study.design), &study.gains).unwrap();
+    for s in poles {
+        assert!((s.norm() / TAU - 1.0).abs() < 1e-6);
+    }
+    study.table().unwrap();
+}

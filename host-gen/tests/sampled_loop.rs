@@ -388,3 +388,39 @@ fn the_rig_marches_as_the_state_space_does() {
         }
     }
 }
+
+/// Without damping, floor or control the simulated machine keeps its energy: a
+/// pulse of the legs puts some in, a hundred thousand steps later it is there.
+#[test]
+fn the_undamped_simulation_keeps_its_energy() {
+    use host_gen::simulation::Rig;
+    use shared::codes::DacCode;
+    let mut study = study(&edited(&[("damping.modal", "0.0")]));
+    let board = &mut study.machine.board;
+    (board.adc_noise, board.dac_noise, board.sensor.noise_density) = (0.0, 0.0, 0.0);
+    let settings = Simulation {
+        floor_rms: 0.0,
+        ..study.machine.simulation
+    };
+    let mut rig = Rig::new(study.plant.clone(), &study.machine.board, &settings);
+    let rest = [study.machine.board.dac.middle(); 6];
+    let push = [60_000, 20_000, 33_000, 50_000, 10_000, 40_000].map(DacCode);
+    // The mean square of the performance over ten seconds: a weighted sum of
+    // the energies of all modes.
+    let mut window = |steps: usize, dac| {
+        let mut sum = 0.0;
+        for _ in 0..steps {
+            let (_, y) = rig.sample();
+            sum += y.norm_squared();
+            rig.advance(dac);
+        }
+        sum / steps as f64
+    };
+    window(200, push);
+    window(200, rest);
+    let first = window(200_000, rest);
+    window(600_000, rest);
+    let last = window(200_000, rest);
+    // Beats of neighbouring modes over ten seconds: below a per mille.
+    assert!((last / first - 1.0).abs() < 1e-3, "{first:e} {last:e}");
+}

@@ -17,6 +17,7 @@ use crate::statics::buckling_load;
 use crate::study::Study;
 
 pub mod analysis;
+pub mod floor;
 
 /// A matrix by rows.
 type Rows = Vec<Vec<f64>>;

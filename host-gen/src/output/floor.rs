@@ -1,0 +1,201 @@
+//! `host-gen floor`: spectra, sources and the criterion met.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::Serialize;
+use shared::table::ValidTable;
+
+use super::{digest, feedback_name};
+use crate::roll_off::RollOffError;
+use crate::spectrum::{Budget, Criterion, Floor, Powers, SOURCES, budget};
+use crate::study::Study;
+
+/// What a floor and the board's noise come to, with and without control.
+#[derive(Debug, Serialize)]
+pub struct Floors {
+    machine: String,
+    model_sha256: String,
+    feedback: &'static str,
+    floor: String,
+    low_hz: f64,
+    high_hz: f64,
+    sources: [&'static str; SOURCES.len()],
+    open: Side,
+    closed: Side,
+}
+
+#[derive(Debug, Serialize)]
+struct Side {
+    /// The strictest criterion the frame meets.
+    criterion: Option<&'static str>,
+    rms: Vec<Rms>,
+    thirds: Vec<Third>,
+    hz: Vec<f64>,
+    /// Amplitude densities of the performance outputs, all sources together.
+    performance: Vec<Vec<f64>>,
+    /// Of the frame's velocity along x, y, z.
+    frame_velocity: Vec<Vec<f64>>,
+}
+
+#[derive(Debug, Serialize)]
+struct Rms {
+    name: String,
+    unit: &'static str,
+    rms: f64,
+    /// Parts of the power, in the order of the sources.
+    shares: Powers,
+}
+
+#[derive(Debug, Serialize)]
+struct Third {
+    hz: f64,
+    /// The worst of x, y and z, m/s.
+    velocity: f64,
+    dominant: &'static str,
+}
+
+fn shares(powers: &Powers) -> (f64, Powers) {
+    let total: f64 = powers.iter().sum();
+    let share = |power: f64| if total > 0.0 { power / total } else { 0.0 };
+    (total.sqrt(), powers.map(share))
+}
+
+fn dominant(powers: &Powers) -> &'static str {
+    let largest = (0..SOURCES.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]));
+    SOURCES[largest.unwrap_or(0)]
+}
+
+impl Side {
+    fn new(study: &Study, budget: Budget, [low, high]: [f64; 2]) -> Self {
+        let machine = &study.machine;
+        let legs = |what: &str| {
+            let name = |leg: &usize| format!("{what} {}", machine.beams[*leg].name);
+            machine.actuators.iter().map(name).collect::<Vec<_>>()
+        };
+        let axes = ["x", "y", "z"].map(|axis| format!("frame {axis}")).to_vec();
+        let groups = [
+            (&budget.performance, machine.performance_names(), "m/s²"),
+            (&budget.frame, axes, "m/s"),
+            (&budget.force, legs("force"), "N"),
+            (&budget.stroke, legs("stroke"), "m"),
+        ];
+        let rms = groups
+            .into_iter()
+            .flat_map(|(spectra, names, unit)| {
+                spectra
+                    .iter()
+                    .zip(names)
+                    .map(move |(s, name)| (s, name, unit))
+            })
+            .map(|(spectrum, name, unit)| {
+                let (rms, shares) = shares(&budget.power(spectrum, low, high));
+                Rms {
+                    name,
+                    unit,
+                    rms,
+                    shares,
+                }
+            })
+            .collect();
+        let thirds = budget.thirds().into_iter();
+        let densities = |spectra: &[Vec<Powers>]| {
+            let amplitude = |powers: &Powers| powers.iter().sum::<f64>().sqrt();
+            let all = spectra.iter();
+            all.map(|spectrum| spectrum.iter().map(amplitude).collect())
+                .collect()
+        };
+        Self {
+            criterion: budget.criterion().map(Criterion::name),
+            rms,
+            thirds: thirds
+                .map(|(hz, velocity, powers)| Third {
+                    hz,
+                    velocity,
+                    dominant: dominant(&powers),
+                })
+                .collect(),
+            performance: densities(&budget.performance),
+            frame_velocity: densities(&budget.frame),
+            hz: budget.hz,
+        }
+    }
+}
+
+impl Floors {
+    /// Of a study on `floor`, which is called `name`; under `table`, and with
+    /// the outputs held.
+    ///
+    /// # Errors
+    /// Where the eigenvalue iteration does not end.
+    pub fn new(
+        study: &Study,
+        table: &ValidTable,
+        floor: &Floor,
+        name: String,
+        band: [f64; 2],
+    ) -> Result<Self, RollOffError> {
+        let side = |table| {
+            let board = &study.machine.board;
+            let budget = budget(&study.plant, board, table, floor, band)?;
+            Ok::<_, RollOffError>(Side::new(study, budget, band))
+        };
+        Ok(Self {
+            machine: study.machine.name.clone(),
+            model_sha256: digest(&study.machine),
+            feedback: feedback_name(study.design.feedback),
+            floor: name,
+            low_hz: band[0],
+            high_hz: band[1],
+            sources: SOURCES,
+            open: side(None)?,
+            closed: side(Some(table))?,
+        })
+    }
+}
+
+impl Display for Floors {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{} on the floor {}, {} to {} Hz, {} feedback",
+            self.machine, self.floor, self.low_hz, self.high_hz, self.feedback
+        )?;
+        write!(f, "  rms               unit        open     closed   ")?;
+        for source in self.sources {
+            write!(f, "{source:>9}")?;
+        }
+        writeln!(f, "  of the closed loop's power")?;
+        for (open, closed) in self.open.rms.iter().zip(&self.closed.rms) {
+            write!(
+                f,
+                "  {:<16}  {:<5} {:>10.2e} {:>10.2e}   ",
+                closed.name, closed.unit, open.rms, closed.rms
+            )?;
+            for share in closed.shares {
+                write!(f, "{:>7.1} %", 100.0 * share)?;
+            }
+            writeln!(f)?;
+        }
+        writeln!(
+            f,
+            "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   closed mostly from"
+        )?;
+        for (open, closed) in self.open.thirds.iter().zip(&self.closed.thirds) {
+            writeln!(
+                f,
+                "    {:>6.1} {:>10.4} {:>10.4}   {}",
+                closed.hz,
+                1e6 * open.velocity,
+                1e6 * closed.velocity,
+                closed.dominant
+            )?;
+        }
+        let name = |side: &Side| side.criterion.unwrap_or("none of VC-A to VC-G");
+        writeln!(
+            f,
+            "  The frame meets {} without control and {} with it.",
+            name(&self.open),
+            name(&self.closed)
+        )
+    }
+}

@@ -1,0 +1,299 @@
+//! Floors and noise, and what they come to: where the motion of the machine
+//! comes from, and which vibration criterion its frame meets.
+//!
+//! The sources are independent: six floor inputs, six sensors, the ADC and the
+//! DAC. Spectra are one-sided power densities.
+
+use core::f64::consts::TAU;
+use core::ops::Range;
+
+use nalgebra::Matrix6;
+use serde::Serialize;
+use shared::LEGS;
+use shared::table::ValidTable;
+
+use crate::closed_loop::{LinearLaw, SampledLoop, grid};
+use crate::machine::Board;
+use crate::plant::{Gain, SampledPlant, pole_peaks};
+use crate::roll_off::RollOffError;
+
+/// Bandwidth of a one-third-octave band over its centre, 2^(1/6) − 2^(−1/6).
+const THIRD: f64 = 0.231_563;
+
+/// Vibration criteria of the IEST, and NIST-A: one-third-octave rms velocities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[expect(missing_docs, reason = "their names say all there is")]
+pub enum Criterion {
+    VcA,
+    VcB,
+    VcC,
+    VcD,
+    VcE,
+    VcF,
+    VcG,
+    NistA,
+}
+
+impl Criterion {
+    /// VC-A to VC-G, the least strict first.
+    pub const VC: [Self; 7] = [
+        Self::VcA,
+        Self::VcB,
+        Self::VcC,
+        Self::VcD,
+        Self::VcE,
+        Self::VcF,
+        Self::VcG,
+    ];
+
+    /// The name as printed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::VcA => "VC-A",
+            Self::VcB => "VC-B",
+            Self::VcC => "VC-C",
+            Self::VcD => "VC-D",
+            Self::VcE => "VC-E",
+            Self::VcF => "VC-F",
+            Self::VcG => "VC-G",
+            Self::NistA => "NIST-A",
+        }
+    }
+
+    /// Where the criterion begins, Hz.
+    pub fn begins(self) -> f64 {
+        match self {
+            Self::VcA | Self::VcB => 4.0,
+            _ => 1.0,
+        }
+    }
+
+    /// The rms velocity in the one-third-octave band about `hz`, m/s. VC-A and
+    /// B are flat from 8 Hz and rise as 1/f from there down to 4 Hz; C to G are
+    /// flat; NIST-A is 0.025 µm up to 20 Hz and 3.1 µm/s above. Beyond its ends
+    /// a criterion is continued flat.
+    pub fn velocity(self, hz: f64) -> f64 {
+        let rising = |flat: f64| flat * 8.0 / hz.clamp(4.0, 8.0);
+        1e-6 * match self {
+            Self::VcA => rising(50.0),
+            Self::VcB => rising(25.0),
+            Self::VcC => 12.5,
+            Self::VcD => 6.25,
+            Self::VcE => 3.125,
+            Self::VcF => 1.5625,
+            Self::VcG => 0.781_25,
+            Self::NistA if hz < 20.0 => 0.025 * TAU * hz.max(1.0),
+            Self::NistA => 3.1,
+        }
+    }
+}
+
+/// A floor: the acceleration of each of its six inputs, independent of the
+/// others.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Floor {
+    /// As strong as a vibration criterion allows in every band.
+    Criterion(Criterion),
+    /// White acceleration, m/s²/√Hz.
+    White(f64),
+    /// Frequency, Hz, ascending, and acceleration density, m/s²/√Hz: straight
+    /// between the points on logarithmic axes, nothing beyond them.
+    Table(Vec<(f64, f64)>),
+}
+
+impl Floor {
+    /// Acceleration density at `hz`, m/s²/√Hz.
+    pub fn density(&self, hz: f64) -> f64 {
+        match self {
+            Self::Criterion(criterion) => TAU * hz * criterion.velocity(hz) / (THIRD * hz).sqrt(),
+            Self::White(density) => *density,
+            Self::Table(points) => {
+                let above = points.partition_point(|(f, _)| *f < hz);
+                match (above.checked_sub(1).map(|i| points[i]), points.get(above)) {
+                    (_, Some(&(f, density))) if f == hz => density,
+                    (Some((f0, d0)), Some(&(f1, d1))) if d0 > 0.0 && d1 > 0.0 => {
+                        d0 * (d1 / d0).powf((hz / f0).ln() / (f1 / f0).ln())
+                    }
+                    _ => 0.0,
+                }
+            }
+        }
+    }
+}
+
+/// What moves the machine: floor, sensor noise, ADC (noise and rounding), DAC
+/// (noise and rounding), in this order.
+pub const SOURCES: [&str; 4] = ["floor", "sensors", "ADC", "DAC"];
+
+/// Power of one quantity from each of [`SOURCES`].
+pub type Powers = [f64; SOURCES.len()];
+
+/// Power densities over frequency of the rows of one group of outputs.
+pub type Spectra = Vec<Vec<Powers>>;
+
+/// What the floor and the noise come to.
+#[derive(Clone, Debug)]
+pub struct Budget {
+    /// Hz, finer about every resonance.
+    pub hz: Vec<f64>,
+    /// Of the performance outputs, (m/s²)²/Hz.
+    pub performance: Spectra,
+    /// Of the frame's velocity along x, y and z, (m/s)²/Hz.
+    pub frame: Spectra,
+    /// Of the leg forces, N²/Hz.
+    pub force: Spectra,
+    /// Of the legs' elongations, m²/Hz.
+    pub stroke: Spectra,
+}
+
+/// Power densities on the given floor from `low` to `high` Hz; under `table`, or
+/// without one with the outputs held.
+///
+/// # Errors
+/// Where the eigenvalue iteration does not end.
+pub fn budget(
+    plant: &SampledPlant,
+    board: &Board,
+    table: Option<&ValidTable>,
+    floor: &Floor,
+    [low, high]: [f64; 2],
+) -> Result<Budget, RollOffError> {
+    let law = table.map(LinearLaw::new);
+    let mut peaks = plant.plant.peaks();
+    if let Some(law) = law {
+        let poles = SampledLoop { plant, law }.poles();
+        peaks = pole_peaks(&poles.ok_or(RollOffError::Eigenvalues)?);
+    }
+    // Resonances wide enough for the integral: their flanks fall as 1/f².
+    let flanks: Vec<_> = peaks
+        .iter()
+        .flat_map(|&(hz, width)| [0.02, 0.1, 0.5, 2.0, 6.0].map(|part| (hz, part * width)))
+        .collect();
+    let hz = grid(low, high, 600, &flanks);
+
+    // White up to half the sample rate.
+    let nyquist = 0.5 * board.sample_rate;
+    let rounding = |noise: f64, lsb: f64| (noise * noise + lsb * lsb / 12.0) / nyquist;
+    let sensor = board.sensor.noise_density.powi(2);
+    let adc = rounding(board.adc_noise, board.adc.lsb()) / board.sensor.sensitivity.powi(2);
+    let dac = rounding(board.dac_noise, board.dac.lsb()) * board.actuator_gain.powi(2);
+
+    let model = &plant.plant;
+    let mut budget = Budget {
+        performance: vec![Vec::new(); model.performance().len()],
+        frame: vec![Vec::new(); 3],
+        force: vec![Vec::new(); LEGS],
+        stroke: vec![Vec::new(); LEGS],
+        hz,
+    };
+    for &hz in &budget.hz {
+        let response = plant.response(hz);
+        let controller = law.map_or_else(Matrix6::zeros, |law| law.response(plant.z(hz)));
+        // σ = K·(sensors' floor part + noise), and what a disturbance of the
+        // forces comes to in the loop.
+        let one = Matrix6::identity();
+        let g22 = response.g22();
+        let from_sensors = (one - g22 * controller)
+            .try_inverse()
+            .map_or_else(Matrix6::zeros, |inverse| controller * inverse);
+        let from_dac = (one - controller * g22)
+            .try_inverse()
+            .unwrap_or_else(Matrix6::zeros);
+        let floor = floor.density(hz).powi(2);
+        let add =
+            |spectra: &mut Spectra, by_floor: &Gain, by_noise: &Gain, by_dac: &Gain, scale: f64| {
+                for (i, spectrum) in spectra.iter_mut().enumerate() {
+                    let power = |gain: &Gain| scale * gain.row(i).norm_squared();
+                    let noise = power(by_noise);
+                    spectrum.push([
+                        power(by_floor) * floor,
+                        noise * sensor,
+                        noise * adc,
+                        power(by_dac) * dac,
+                    ]);
+                }
+            };
+        let outputs = |spectra: &mut Spectra, rows: Range<usize>, scale: f64| {
+            let legs = response.from_legs(rows.clone());
+            add(
+                spectra,
+                &response.close(rows, &controller),
+                &(&legs * from_sensors),
+                &(&legs * from_dac),
+                scale,
+            );
+        };
+        let per_second = (TAU * hz).powi(-2);
+        outputs(&mut budget.performance, model.performance(), 1.0);
+        outputs(&mut budget.frame, model.frame(), per_second);
+        outputs(&mut budget.stroke, model.legs(), per_second * per_second);
+        let all = |m: Matrix6<_>| Gain::from_column_slice(m.as_slice());
+        let g21 = response.from_floor(model.sensors());
+        add(
+            &mut budget.force,
+            &(all(from_sensors) * g21.fixed_rows::<LEGS>(0)),
+            &all(from_sensors),
+            &all(from_dac),
+            1.0,
+        );
+    }
+    Ok(budget)
+}
+
+impl Budget {
+    /// Power of a spectrum from `low` to `high` Hz by source: trapezoids.
+    pub fn power(&self, spectrum: &[Powers], low: f64, high: f64) -> Powers {
+        let mut sum = [0.0; SOURCES.len()];
+        for i in 1..self.hz.len() {
+            let (from, to) = (self.hz[i - 1].max(low), self.hz[i].min(high));
+            if to <= from {
+                continue;
+            }
+            // Straight between the points.
+            let at = |hz: f64, source: usize| {
+                let part = (hz - self.hz[i - 1]) / (self.hz[i] - self.hz[i - 1]);
+                spectrum[i - 1][source] * (1.0 - part) + spectrum[i][source] * part
+            };
+            for (source, sum) in sum.iter_mut().enumerate() {
+                *sum += 0.5 * (at(from, source) + at(to, source)) * (to - from);
+            }
+        }
+        sum
+    }
+
+    /// The frame's rms velocity in the one-third-octave bands from 1 to 80 Hz
+    /// that the spectra cover: centre, Hz, the worst of x, y and z, m/s, and
+    /// its powers by source.
+    pub fn thirds(&self) -> Vec<(f64, f64, Powers)> {
+        let (first, last) = (self.hz[0], self.hz[self.hz.len() - 1]);
+        (0..20)
+            .map(|n| 10f64.powf(f64::from(n) / 10.0))
+            .filter_map(|centre| {
+                let half = 2f64.powf(1.0 / 6.0);
+                let (low, high) = (centre / half, centre * half);
+                if low < first || high > last {
+                    return None;
+                }
+                let worst = self
+                    .frame
+                    .iter()
+                    .map(|spectrum| self.power(spectrum, low, high))
+                    .max_by(|a, b| a.iter().sum::<f64>().total_cmp(&b.iter().sum()))?;
+                Some((centre, worst.iter().sum::<f64>().sqrt(), worst))
+            })
+            .collect()
+    }
+
+    /// The strictest criterion that the frame meets in all bands it covers.
+    pub fn criterion(&self) -> Option<Criterion> {
+        let thirds = self.thirds();
+        let met = |criterion: &Criterion| {
+            thirds
+                .iter()
+                // The nominal centres are 4, 5, 6.3 Hz and so on; 10^0.6 is 3.98.
+                .filter(|(hz, ..)| *hz > 0.98 * criterion.begins())
+                .all(|(hz, velocity, _)| *velocity <= criterion.velocity(*hz))
+        };
+        Criterion::VC.into_iter().rev().find(met)
+    }
+}
