@@ -17,6 +17,7 @@ use crate::design::{Design, Gains, ideal_poles};
 use crate::machine::{Machine, Target};
 use crate::plant::{SampledPlant, largest_singular_value, pole_peaks};
 use crate::table;
+use crate::zeros::{grow, transmission_zeros};
 
 /// The sampled loop's corner may lie this much above the ideal loop's before
 /// the target counts as missed: half an octave.
@@ -164,7 +165,7 @@ pub fn choose(
     };
     let target = machine.target;
     let delay = 1e6 * machine.board.whole_delay();
-    let reason = match search.reach(target) {
+    let mut reason = match search.reach(target) {
         Ok(found) => return Ok((found.trial.table, search.describe(&found))),
         Err(Miss::Error(error)) => return Err(error),
         Err(Miss::Late { ideal, sampled }) => format!(
@@ -175,6 +176,10 @@ pub fn choose(
             target.max_sensitivity
         ),
     };
+    let zeros = transmission_zeros(&plant.plant.state_space, target.feedback);
+    if zeros.is_some_and(|zeros| grow(&zeros)) {
+        reason += ", and no gain can: what its sensors leave free is unstable under gravity (host-gen zeros); stiffen the legs sideways";
+    }
     Err(RollOffError::Unreachable {
         asked: target.frequency,
         damping: target.damping,

@@ -19,6 +19,14 @@ const CONDITION: f64 = 1e8;
 /// what the pencil gives beyond is infinite but for rounding.
 const FINITE: f64 = 30.0;
 
+/// Whether a zero grows: what is left with the sensors held is unstable, as
+/// where a leg's load under gravity outweighs its stiffness, and high gain
+/// makes the closed loop so.
+pub fn grow(zeros: &[Complex<f64>]) -> bool {
+    // Rounding leaves real parts of 1e-9 or so of a zero's size.
+    zeros.iter().any(|s| s.re > 1e-6 * s.norm())
+}
+
 /// The zeros, rad/s, slowest first. The first six outputs of `plant` are the
 /// sensors. The twelve zeros at s = 0 that six accelerometers have, because
 /// nothing accelerates at rest, are left out.

@@ -18,7 +18,7 @@ use crate::plant::{largest_singular_value, pole_peaks};
 use crate::robustness::{Robust, Spread};
 use crate::roll_off::{Band, RollOff, RollOffError};
 use crate::study::Study;
-use crate::zeros::transmission_zeros;
+use crate::zeros::{grow, transmission_zeros};
 
 /// The kinds of feedback that a machine has sensors for, each with its study.
 pub fn both_kinds(machine: &Machine) -> Result<Vec<Study>, MachineError> {
@@ -75,8 +75,7 @@ impl ZerosOfKind {
         let feedback = study.design.feedback;
         let zeros = transmission_zeros(plant, feedback).unwrap_or_default();
         let poles = ideal_poles(plant, &study.gains).unwrap_or_default();
-        // Rounding leaves real parts of 1e-9 or so of a zero's size.
-        let unstable = zeros.iter().any(|s| s.re > 1e-6 * s.norm());
+        let unstable = grow(&zeros);
         Self {
             feedback: feedback_name(feedback),
             zeros: zeros
