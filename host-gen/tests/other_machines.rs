@@ -83,18 +83,17 @@ fn platform(
     study(&text)
 }
 
+/// Six points on a circle about z.
+fn ring(radius: f64, z: f64, degrees: [f64; 6]) -> [[f64; 3]; 6] {
+    degrees.map(|a| {
+        let a = a.to_radians();
+        [radius * a.cos(), radius * a.sin(), z]
+    })
+}
+
 /// The six-leg platform whose static compliance Dehaeze printed.
 #[test]
 fn published_platform() {
-    let ring = |radius: f64, z: f64, degrees: [f64; 6]| {
-        degrees.map(|a| {
-            [
-                radius * a.to_radians().cos(),
-                radius * a.to_radians().sin(),
-                z,
-            ]
-        })
-    };
     let feet = ring(0.115, 0.015, [-10.0, 10.0, 110.0, 130.0, 230.0, 250.0]);
     let tops = ring(0.090, 0.075, [-50.0, 50.0, 70.0, 170.0, 190.0, -70.0]);
     let study = platform(&feet, &tops, [0.0, 0.0, 0.135], 20e6, [0.0; 3]);
@@ -396,15 +395,6 @@ proptest! {
 /// rotations and true leg lengths.
 #[test]
 fn stiffness_under_gravity_is_the_energys_curvature() {
-    let ring = |radius: f64, z: f64, degrees: [f64; 6]| {
-        degrees.map(|a| {
-            [
-                radius * a.to_radians().cos(),
-                radius * a.to_radians().sin(),
-                z,
-            ]
-        })
-    };
     let feet = ring(0.5, 0.0, [-10.0, 15.0, 110.0, 130.0, 230.0, 255.0]);
     let tops = ring(0.4, 0.3, [-50.0, 50.0, 75.0, 170.0, 190.0, -70.0]);
     let (cog, axial) = ([0.05, -0.02, 0.7], 1e4);
