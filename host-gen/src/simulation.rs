@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{DVector, Vector6};
+use nalgebra::{DMatrix, DVector, MatrixXx6, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -97,6 +97,9 @@ pub struct Rig {
     plant: SampledPlant,
     board: Board,
     matrices: SampledStateSpace,
+    /// Sensors and performance, which are the plant's first rows, from the
+    /// state, from the floor and from the forces.
+    outputs: (DMatrix<f64>, MatrixXx6<f64>, MatrixXx6<f64>),
     state: DVector<f64>,
     /// Forces latched or on their way, the latest first.
     forces: VecDeque<Vector6<f64>>,
@@ -112,6 +115,13 @@ impl Rig {
     /// At rest, with the floor noise and seed of `settings`.
     pub fn new(plant: SampledPlant, board: &Board, settings: &Simulation) -> Self {
         let matrices = plant.state_space();
+        let count = plant.plant.performance().end;
+        let direct = plant.plant.state_space.d.rows(0, count);
+        let outputs = (
+            matrices.output.rows(0, count).into_owned(),
+            direct.fixed_columns::<LEGS>(0).into_owned(),
+            direct.fixed_columns::<LEGS>(LEGS).into_owned(),
+        );
         let stream = |number| {
             let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
             random.set_stream(number);
@@ -120,6 +130,7 @@ impl Rig {
         Self {
             state: DVector::zeros(matrices.output.ncols()),
             matrices,
+            outputs,
             forces: vec![Vector6::zeros(); plant.seen_delay() + 1].into(),
             floor_noise: BandNoise::new(settings, plant.period, stream(0)),
             sensor_noise: stream(1),
@@ -142,10 +153,10 @@ impl Rig {
         self.floor = self.floor_noise.sample() * self.floor_gain;
         let seen = self.forces[self.plant.whole_periods];
         let plant = &self.plant.plant;
-        let direct = &plant.state_space.d;
-        let mut y = &self.matrices.output * &self.state;
-        y.gemv(1.0, &direct.columns(0, LEGS), &self.floor, 1.0);
-        y.gemv(1.0, &direct.columns(LEGS, LEGS), &seen, 1.0);
+        let (by_state, by_floor, by_force) = &self.outputs;
+        let mut y = by_state * &self.state;
+        y.gemv(1.0, by_floor, &self.floor, 1.0);
+        y.gemv(1.0, by_force, &seen, 1.0);
         let board = &self.board;
         // White noise of that density up to half the sample rate.
         let noise = board.sensor.noise_density * (0.5 * board.sample_rate).sqrt();
