@@ -10,7 +10,9 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::machine::{Machine, MachineError};
-use host_gen::output::analysis::{Compared, PlantMatrices, Poles, SigmaError, Zeros, both_kinds};
+use host_gen::output::analysis::{
+    Compared, Frequencies, PlantMatrices, Poles, SigmaError, Zeros, both_kinds,
+};
 use host_gen::output::{self, Gains, Generated, Modes, Simulated};
 use host_gen::robustness::{RobustnessError, monte_carlo};
 use host_gen::roll_off::RollOffError;
@@ -137,6 +139,9 @@ struct Sigma {
     /// peaks come on top.
     #[arg(long, default_value_t = 500)]
     points: usize,
+    /// These frequencies alone, Hz, with commas between.
+    #[arg(long, value_delimiter = ',', conflicts_with_all = ["from", "to", "points"])]
+    at: Vec<f64>,
 }
 
 #[derive(Args)]
@@ -282,13 +287,19 @@ fn in_loop(model: &Path) -> impl Fn(RollOffError) -> Failure {
 }
 
 fn sigma(arguments: &Sigma) -> Result<(), Failure> {
-    let &Sigma {
-        from, to, points, ..
-    } = arguments;
     let Common { model, format } = &arguments.common;
-    let [from, to] = band(from, to)?;
+    let frequencies = if arguments.at.is_empty() {
+        let [low, high] = band(arguments.from, arguments.to)?;
+        let count = arguments.points.max(2);
+        Frequencies::Adaptive { low, high, count }
+    } else {
+        if !arguments.at.iter().all(|hz| hz.is_finite() && *hz > 0.0) {
+            return Err(Failure::Option("at"));
+        }
+        Frequencies::At(arguments.at.clone())
+    };
     let machine = Machine::load(model)?;
-    match output::analysis::Sigma::new(&machine, from, to, points.max(2)) {
+    match output::analysis::Sigma::new(&machine, frequencies) {
         Ok(sigma) => print(*format, &sigma),
         Err(SigmaError::Machine(error)) => Err(error.into()),
         Err(SigmaError::Loop(error)) => Err(in_loop(model)(error)),

@@ -11,7 +11,7 @@ use host_gen::design::ideal_poles;
 use host_gen::energy::{Kind, energies};
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::machine::Machine;
-use host_gen::output::analysis::{Sigma, both_kinds};
+use host_gen::output::analysis::{Frequencies, Sigma, both_kinds};
 use host_gen::plant::largest_singular_value;
 use host_gen::statics::buckling_load;
 use host_gen::study::Study;
@@ -28,6 +28,10 @@ fn zeros(study: &Study) -> Vec<f64> {
         .collect();
     hz.sort_by(f64::total_cmp);
     hz
+}
+
+fn adaptive(low: f64, high: f64, count: usize) -> Frequencies {
+    Frequencies::Adaptive { low, high, count }
 }
 
 fn model(name: &str) -> Study {
@@ -280,7 +284,7 @@ fn sigma_from_the_exported_matrices() {
     let study = frame();
     let Generalised { a, b, c, d } = Generalised::new(&study.plant.plant);
     assert_eq!((c.shape(), d.shape()), ((12, 24), (12, 12)));
-    let sigma = Sigma::new(&study.machine, 0.5, 200.0, 100).unwrap();
+    let sigma = Sigma::new(&study.machine, adaptive(0.5, 200.0, 100)).unwrap();
     let json = serde_json::to_value(&sigma).unwrap();
     let hz: Vec<f64> = serde_json::from_value(json["hz"].clone()).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
@@ -303,7 +307,8 @@ fn sigma_from_the_exported_matrices() {
 fn no_peak_is_missed() {
     let study = frame();
     let plant = &study.plant.plant;
-    let json = serde_json::to_value(Sigma::new(&study.machine, 5.0, 200.0, 50).unwrap()).unwrap();
+    let json = serde_json::to_value(Sigma::new(&study.machine, adaptive(5.0, 200.0, 50)).unwrap())
+        .unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
     let highest = open.iter().copied().fold(0.0, f64::max);
     let mut fine: f64 = 0.0;

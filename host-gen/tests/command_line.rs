@@ -250,7 +250,9 @@ fn analysis_commands() {
         length(&sigma["curves"][3]["sigma_max"]),
         length(&sigma["hz"])
     );
-    for bad in [["--from", "0"], ["--to", "0.01"]] {
+    let at = run(&["sigma", &model, "--at", "20,13.9,100"]);
+    assert_eq!(at["hz"], serde_json::json!([20.0, 13.9, 100.0]));
+    for bad in [["--from", "0"], ["--to", "0.01"], ["--at", "1,-1"]] {
         let output = host_gen(&["sigma", &model, bad[0], bad[1]], folder.path());
         assert_eq!(output.status.code(), Some(1), "{bad:?}");
     }
@@ -293,4 +295,30 @@ fn analysis_commands() {
             "{command}"
         );
     }
+}
+
+/// Acceleration feedback holds the low-parasitic machine, though its legs
+/// buckle: it is told.
+#[test]
+fn generate_warns_of_gravity() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = edited(&[
+        ("gravity", "[0.0, 0.0, -9.81]"),
+        ("profiles.leg.bending", "[24.7, 24.7]"),
+        ("profiles.leg.torsion", "0.39"),
+        ("simulation.duration", "0.2"),
+        ("simulation.settling", "0.1"),
+    ]);
+    fs::write(folder.path().join("heavy.toml"), model).unwrap();
+    let arguments = ["generate", "heavy.toml", "--table", "t.rs"];
+    let output = host_gen(&arguments, folder.path());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let summary = text(&output.stdout);
+    assert!(
+        summary.contains("Warning: leg4 buckles: it carries 36"),
+        "{summary}"
+    );
+    let quiet = quick_model(folder.path());
+    let output = host_gen(&["generate", &quiet, "--table", "t.rs"], folder.path());
+    assert!(!text(&output.stdout).contains("Warning"));
 }

@@ -227,14 +227,30 @@ struct Curve {
     sigma_max: Vec<f64>,
 }
 
+/// Where to evaluate singular values.
+#[derive(Clone, Debug)]
+pub enum Frequencies {
+    /// From `low` to `high` Hz, `count` evenly in the logarithm and more about
+    /// every lightly damped pole, open and closed, so that no peak lies between
+    /// two of them.
+    Adaptive {
+        /// Hz.
+        low: f64,
+        /// Hz.
+        high: f64,
+        /// At least two.
+        count: usize,
+    },
+    /// At these alone, Hz.
+    At(Vec<f64>),
+}
+
 impl Sigma {
-    /// σ_max(G11) from `low` to `high` Hz, `count` points evenly in the
-    /// logarithm and more about every lightly damped pole, open and closed, so
-    /// that no peak lies between two of them.
+    /// σ_max(G11) at `frequencies`.
     ///
     /// # Errors
     /// As [`Study::new`], or where an eigenvalue iteration does not end.
-    pub fn new(machine: &Machine, low: f64, high: f64, count: usize) -> Result<Self, SigmaError> {
+    pub fn new(machine: &Machine, frequencies: Frequencies) -> Result<Self, SigmaError> {
         let studies = both_kinds(machine)?;
         let mut missing = Vec::new();
         let mut peaks = Vec::new();
@@ -264,7 +280,10 @@ impl Sigma {
             };
             loops.push((study, stable(&ideal), sampled));
         }
-        let hz = grid(low, high, count, &peaks);
+        let hz = match frequencies {
+            Frequencies::Adaptive { low, high, count } => grid(low, high, count, &peaks),
+            Frequencies::At(hz) => hz,
+        };
         let curve = |name: String, sigma: &dyn Fn(f64) -> f64| Curve {
             name,
             sigma_max: hz.iter().map(|&hz| sigma(hz)).collect(),

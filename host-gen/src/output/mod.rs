@@ -15,6 +15,7 @@ use crate::roll_off::RollOff;
 use crate::simulation::Comparison;
 use crate::statics::buckling_load;
 use crate::study::Study;
+use crate::zeros::{grow, transmission_zeros};
 
 pub mod analysis;
 pub mod floor;
@@ -470,6 +471,7 @@ pub struct Generated {
     table: String,
     simulation: Comparison,
     not_published: Vec<Statement>,
+    warnings: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -491,6 +493,7 @@ impl Generated {
             roll_off,
             table,
             simulation,
+            warnings: warnings(study),
             not_published: machine
                 .provenance
                 .iter()
@@ -532,8 +535,37 @@ impl Display for Generated {
                 statement.from
             )?;
         }
+        for warning in &self.warnings {
+            writeln!(f, "\nWarning: {warning}")?;
+        }
         writeln!(f, "\nTable written to {}", self.table)
     }
+}
+
+/// What gravity does to a machine that an engineer would want to be told.
+fn warnings(study: &Study) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let loads = study.model.statics.axial.iter();
+    for (beam, load) in study.machine.beams.iter().zip(loads) {
+        let limit = buckling_load(beam);
+        if -load > limit {
+            warnings.push(format!(
+                "{} buckles: it carries {:.0} N and bears {limit:.0} N",
+                beam.name, -load
+            ));
+        }
+    }
+    if study.model.modes().squares[0] < 0.0 {
+        warnings.push("the machine falls under its own weight".to_owned());
+    }
+    let zeros = transmission_zeros(&study.plant.plant.state_space, study.design.feedback);
+    if zeros.is_some_and(|zeros| grow(&zeros)) {
+        warnings.push(
+            "what is left with the sensors held is unstable under gravity: see host-gen zeros"
+                .to_owned(),
+        );
+    }
+    warnings
 }
 
 /// `"acceleration"` or `"force"`.
