@@ -6,7 +6,7 @@ mod tools;
 
 use std::env;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::{Command, ExitCode, Stdio};
 
 use clap::{Args, Parser, Subcommand};
 
@@ -37,6 +37,9 @@ enum Task {
     },
     /// Instructions per controller step on both emulated boards.
     Bench(Setup),
+    /// How long singular values and the closed loop take, and beside them the
+    /// same in NumPy and SciPy where there is a Python with them.
+    Speed,
     /// Finds, or installs, what the boards need, and builds their firmware.
     Build(Setup),
 }
@@ -71,6 +74,7 @@ fn main() -> ExitCode {
             Tools::find(!setup.no_install).and_then(|tools| pil(&tools, samples))
         }
         Task::Bench(setup) => Tools::find(!setup.no_install).and_then(|tools| bench(&tools)),
+        Task::Speed => speed(),
         Task::Build(setup) => Tools::find(!setup.no_install).and_then(|tools| {
             for board in &BOARDS {
                 boards::build(board, &tools)?;
@@ -130,6 +134,34 @@ fn bench(tools: &Tools) -> Outcome<()> {
         run(boards::emulator(board, &image).args(["-icount", "shift=8", "-serial", "null"]))?;
     }
     Ok(())
+}
+
+fn speed() -> Outcome<()> {
+    run(cargo().args(["bench", "--package", "tests", "--bench", "speed"]))?;
+    let python = |arguments: &[&str]| {
+        let mut command = Command::new("python3");
+        command.args(arguments);
+        command
+    };
+    let imports = python(&["-c", "import numpy, scipy"])
+        .stderr(Stdio::null())
+        .status();
+    if !imports.is_ok_and(|status| status.success()) {
+        println!("no python3 with NumPy and SciPy here: nothing beside it");
+        return Ok(());
+    }
+    let folder = "target/speed";
+    let plant = [
+        "run",
+        "--release",
+        "--package",
+        "host-gen",
+        "--",
+        "plant",
+        MODEL,
+    ];
+    run(cargo().args(plant).args(["--matrix-market", folder]))?;
+    run(&mut python(&["tests/benches/speed.py", folder]))
 }
 
 /// The cargo that runs this.
