@@ -309,6 +309,15 @@ pub fn close_ideal(plant: &Plant, gains: &Gains, hz: f64, rows: Range<usize>) ->
     plant.response(hz).close(rows, &ideal_response(gains, hz))
 }
 
+/// The highest σ_max of a transfer function at some frequencies, dB.
+pub fn highest_db(hz: &[f64], gain: impl Fn(f64) -> Gain) -> f64 {
+    let highest = hz
+        .iter()
+        .map(|&hz| largest_singular_value(&gain(hz)))
+        .fold(0.0, f64::max);
+    20.0 * highest.log10()
+}
+
 /// Whether all poles lie in the left half plane.
 pub fn stable(poles: &[Complex<f64>]) -> bool {
     poles.iter().all(|s| s.re < 0.0)

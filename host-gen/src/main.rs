@@ -10,15 +10,13 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::machine::{Machine, MachineError};
-use host_gen::output::analysis::{
-    Compared, Frequencies, PlantMatrices, Poles, SigmaError, Zeros, both_kinds,
-};
+use host_gen::output::analysis::{Compared, Frequencies, PlantMatrices, Poles, Zeros, both_kinds};
 use host_gen::output::{self, Gains, Generated, Modes, Simulated};
-use host_gen::robustness::{RobustnessError, monte_carlo};
+use host_gen::robustness::monte_carlo;
 use host_gen::roll_off::RollOffError;
 use host_gen::simulation::{Comparison, compare};
 use host_gen::spectrum::{Criterion, Floor};
-use host_gen::study::Study;
+use host_gen::study::{Study, StudyError};
 use host_gen::table::emit;
 use indicatif::ProgressBar;
 use serde::Serialize;
@@ -286,6 +284,15 @@ fn in_loop(model: &Path) -> impl Fn(RollOffError) -> Failure {
     }
 }
 
+/// The same for what may fail by the machine too, which says its file itself.
+fn in_study(model: &Path) -> impl Fn(StudyError) -> Failure {
+    let in_loop = in_loop(model);
+    move |error| match error {
+        StudyError::Machine(error) => error.into(),
+        StudyError::Loop(error) => in_loop(error),
+    }
+}
+
 fn sigma(arguments: &Sigma) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let frequencies = if arguments.at.is_empty() {
@@ -299,11 +306,8 @@ fn sigma(arguments: &Sigma) -> Result<(), Failure> {
         Frequencies::At(arguments.at.clone())
     };
     let machine = Machine::load(model)?;
-    match output::analysis::Sigma::new(&machine, frequencies) {
-        Ok(sigma) => print(*format, &sigma),
-        Err(SigmaError::Machine(error)) => Err(error.into()),
-        Err(SigmaError::Loop(error)) => Err(in_loop(model)(error)),
-    }
+    let sigma = output::analysis::Sigma::new(&machine, frequencies);
+    print(*format, &sigma.map_err(in_study(model))?)
 }
 
 fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
@@ -324,14 +328,11 @@ fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
     let (table, roll_off) = table(model, &study)?;
     let result = monte_carlo(&study, &table, &roll_off.bands, || bar.inc(1));
     bar.finish_and_clear();
-    match result {
-        Ok(result) => print(
-            *format,
-            &output::analysis::Robustness::new(&study.machine, result),
-        ),
-        Err(RobustnessError::Machine(error)) => Err(error.into()),
-        Err(RobustnessError::Loop(error)) => Err(in_loop(model)(error)),
-    }
+    let result = result.map_err(in_study(model))?;
+    print(
+        *format,
+        &output::analysis::Robustness::new(&study.machine, result),
+    )
 }
 
 fn floor(arguments: &FloorArguments) -> Result<(), Failure> {

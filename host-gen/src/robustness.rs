@@ -6,13 +6,13 @@ use rayon::prelude::*;
 use serde::Serialize;
 use shared::table::ValidTable;
 
-use crate::closed_loop::{LinearLaw, LoopGrid, SampledLoop, corner, grid, stable};
+use crate::closed_loop::{LinearLaw, LoopGrid, SampledLoop, corner, grid, highest_db, stable};
 use crate::design::{Design, ideal_poles};
-use crate::machine::{Machine, MachineError, Robustness};
+use crate::machine::{Machine, Robustness};
 use crate::multibody::Multibody;
-use crate::plant::{Plant, SampledPlant, largest_singular_value, pole_peaks};
-use crate::roll_off::{Band, RollOffError};
-use crate::study::Study;
+use crate::plant::{Plant, SampledPlant, pole_peaks};
+use crate::roll_off::{Band, LOWEST, RollOffError, isolation_band};
+use crate::study::{Study, StudyError};
 
 /// Smallest, nominal and largest value over all samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -64,17 +64,6 @@ pub struct Robust {
     pub lowest_damping: Spread,
 }
 
-/// Why there is no result.
-#[derive(Debug, thiserror::Error)]
-pub enum RobustnessError {
-    /// A drawn machine cannot be modelled.
-    #[error(transparent)]
-    Machine(#[from] MachineError),
-    /// The loop.
-    #[error(transparent)]
-    Loop(#[from] RollOffError),
-}
-
 /// One machine under the controller of another.
 struct Sample {
     stable: bool,
@@ -96,7 +85,7 @@ pub fn monte_carlo(
     table: &ValidTable,
     bands: &[Band],
     progress: impl Fn() + Sync,
-) -> Result<Robust, RobustnessError> {
+) -> Result<Robust, StudyError> {
     let settings = &study.machine.robustness;
     // A stream of its own for every sample: the order in which the cores take
     // them does not matter.
@@ -146,7 +135,7 @@ impl Sample {
         machine: Machine,
         table: &ValidTable,
         bands: &[Band],
-    ) -> Result<Self, RobustnessError> {
+    ) -> Result<Self, StudyError> {
         let model = Multibody::new(&machine)?;
         let design = Design::new(&machine, &model, study.design.feedback)?;
         let plant = Plant::new(&machine, &model, &design)?;
@@ -166,9 +155,9 @@ impl Sample {
         let poles = closed.poles().ok_or(RollOffError::Eigenvalues)?;
         let frequency = machine.target.frequency;
         // The controller's own modal coordinates.
-        let loops = LoopGrid::new(&sampled, &study.design.modal, 0.02 * frequency);
+        let loops = LoopGrid::new(&sampled, &study.design.modal, LOWEST * frequency);
         let peaks = pole_peaks(&poles);
-        let high = 3.0 * design.hertz()[5].max(frequency);
+        let [low, high] = isolation_band(&design, frequency);
         let rows = sampled.plant.performance();
         let upper = |poles: &[nalgebra::Complex<f64>]| {
             poles
@@ -181,17 +170,12 @@ impl Sample {
         Ok(Self {
             stable: stable(&poles),
             peak_sensitivity: loops.peak(&sampled, &law).value,
-            isolation_from_hz: corner(0.1 * frequency, high, &peaks, |hz| {
-                closed.transmissibility(hz)
-            }),
+            isolation_from_hz: corner(low, high, &peaks, |hz| closed.transmissibility(hz)),
             bands: bands
                 .iter()
                 .map(|band| {
-                    let highest = grid(band.low_hz, band.high_hz, 150, &peaks)
-                        .into_iter()
-                        .map(|hz| largest_singular_value(&closed.close(hz, rows.clone())))
-                        .fold(0.0, f64::max);
-                    20.0 * highest.log10()
+                    let points = grid(band.low_hz, band.high_hz, 150, &peaks);
+                    highest_db(&points, |hz| closed.close(hz, rows.clone()))
                 })
                 .collect(),
             open: upper(&open),

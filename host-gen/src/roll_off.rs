@@ -11,11 +11,12 @@ use shared::LEGS;
 use shared::table::{TableError, ValidTable};
 
 use crate::closed_loop::{
-    LinearLaw, LoopGrid, PeakSensitivity, SampledLoop, close_ideal, corner, grid, stable,
+    LinearLaw, LoopGrid, PeakSensitivity, SampledLoop, close_ideal, corner, grid, highest_db,
+    stable,
 };
 use crate::design::{Design, Gains, ideal_poles};
 use crate::machine::{Machine, Target};
-use crate::plant::{SampledPlant, largest_singular_value, pole_peaks};
+use crate::plant::{SampledPlant, pole_peaks};
 use crate::table;
 use crate::zeros::{grow, transmission_zeros};
 
@@ -205,8 +206,7 @@ impl Search<'_> {
         let ideal_poles =
             ideal_poles(&self.plant.plant.state_space, &gains).ok_or_else(unsolved)?;
 
-        let low = 0.1 * target.frequency;
-        let high = 3.0 * self.design.hertz()[LEGS - 1].max(target.frequency);
+        let [low, high] = isolation_band(self.design, target.frequency);
         let sampled = self.closed(&trial.table);
         let plant = &self.plant.plant;
         let isolation_from_hz = corner(low, high, &pole_peaks(&trial.poles), |hz| {
@@ -364,13 +364,7 @@ impl Search<'_> {
 
     fn bands(&self, found: &Found, closed: &SampledLoop<'_>) -> Vec<Band> {
         let plant = &self.plant.plant;
-        let peak = |low: f64, high: f64, peaks: &[(f64, f64)], law: &dyn Fn(f64) -> f64| {
-            let highest = grid(low, high, 300, peaks)
-                .into_iter()
-                .map(law)
-                .fold(0.0, f64::max);
-            20.0 * highest.log10()
-        };
+        let rows = plant.performance();
         self.machine
             .bands
             .iter()
@@ -378,24 +372,21 @@ impl Search<'_> {
                 name: name.clone(),
                 low_hz: *low,
                 high_hz: *high,
-                open_db: peak(*low, *high, &plant.peaks(), &|hz| {
-                    largest_singular_value(&plant.response(hz).from_floor(plant.performance()))
+                open_db: highest_db(&grid(*low, *high, 300, &plant.peaks()), |hz| {
+                    plant.response(hz).from_floor(rows.clone())
                 }),
                 ideal_db: if stable(&found.ideal_poles) {
-                    peak(*low, *high, &pole_peaks(&found.ideal_poles), &|hz| {
-                        largest_singular_value(&close_ideal(
-                            plant,
-                            &found.gains,
-                            hz,
-                            plant.performance(),
-                        ))
+                    let points = grid(*low, *high, 300, &pole_peaks(&found.ideal_poles));
+                    highest_db(&points, |hz| {
+                        close_ideal(plant, &found.gains, hz, rows.clone())
                     })
                 } else {
                     f64::NAN
                 },
-                sampled_db: peak(*low, *high, &pole_peaks(&found.trial.poles), &|hz| {
-                    largest_singular_value(&closed.close(hz, plant.performance()))
-                }),
+                sampled_db: {
+                    let points = grid(*low, *high, 300, &pole_peaks(&found.trial.poles));
+                    highest_db(&points, |hz| closed.close(hz, rows.clone()))
+                },
             })
             .collect()
     }
@@ -406,7 +397,14 @@ const SCAN: f64 = 1.25;
 
 /// A roll-off below this part of the target frequency leaves nothing of the
 /// law; frequencies below it are not looked at either.
-const LOWEST: f64 = 0.02;
+pub(crate) const LOWEST: f64 = 0.02;
+
+/// Where the corner is looked for, Hz: from well below the target `frequency`
+/// to well above the suspension.
+pub(crate) fn isolation_band(design: &Design, frequency: f64) -> [f64; 2] {
+    let highest = design.hertz()[LEGS - 1].max(frequency);
+    [0.1 * frequency, 3.0 * highest]
+}
 
 /// Two significant digits, upward: advice that still holds after rounding.
 fn round_up(x: f64) -> f64 {

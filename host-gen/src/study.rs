@@ -7,6 +7,17 @@ use crate::plant::{Plant, SampledPlant};
 use crate::roll_off::{RollOff, RollOffError, choose};
 use shared::table::ValidTable;
 
+/// Why a study, or what is done with its loop, comes to nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// The machine.
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+    /// The loop.
+    #[error(transparent)]
+    Loop(#[from] RollOffError),
+}
+
 /// A machine with its model, its design for the target, and its plant.
 #[derive(Clone, Debug)]
 pub struct Study {

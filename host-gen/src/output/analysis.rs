@@ -17,7 +17,7 @@ use crate::machine::{Machine, MachineError};
 use crate::plant::{largest_singular_value, pole_peaks};
 use crate::robustness::{Robust, Spread};
 use crate::roll_off::{Band, RollOff, RollOffError};
-use crate::study::Study;
+use crate::study::{Study, StudyError};
 use crate::zeros::{grow, transmission_zeros};
 
 /// The kinds of feedback that a machine has sensors for, each with its study.
@@ -250,7 +250,7 @@ impl Sigma {
     ///
     /// # Errors
     /// As [`Study::new`], or where an eigenvalue iteration does not end.
-    pub fn new(machine: &Machine, frequencies: Frequencies) -> Result<Self, SigmaError> {
+    pub fn new(machine: &Machine, frequencies: Frequencies) -> Result<Self, StudyError> {
         let studies = both_kinds(machine)?;
         let mut missing = Vec::new();
         let mut peaks = Vec::new();
@@ -262,7 +262,8 @@ impl Sigma {
                 ideal_poles(&plant.state_space, &study.gains).ok_or(RollOffError::Eigenvalues)?;
             peaks.extend(pole_peaks(&ideal));
             let name = feedback_name(study.design.feedback);
-            if !stable(&ideal) {
+            let ideal_holds = stable(&ideal);
+            if !ideal_holds {
                 missing.push(format!("{name}, ideal: that loop is unstable"));
             }
             let sampled = match study.table() {
@@ -278,7 +279,7 @@ impl Sigma {
                     None
                 }
             };
-            loops.push((study, stable(&ideal), sampled));
+            loops.push((study, ideal_holds, sampled));
         }
         let hz = match frequencies {
             Frequencies::Adaptive { low, high, count } => grid(low, high, count, &peaks),
@@ -289,7 +290,7 @@ impl Sigma {
             sigma_max: hz.iter().map(|&hz| sigma(hz)).collect(),
         };
         let mut curves = Vec::new();
-        for (i, (study, ideal, sampled)) in loops.iter().enumerate() {
+        for (i, (study, ideal_holds, sampled)) in loops.iter().enumerate() {
             let plant = &study.plant.plant;
             let rows = plant.performance();
             if i == 0 {
@@ -298,7 +299,7 @@ impl Sigma {
                 }));
             }
             let name = feedback_name(study.design.feedback);
-            if *ideal {
+            if *ideal_holds {
                 curves.push(curve(format!("{name}, ideal"), &|hz| {
                     largest_singular_value(&close_ideal(plant, &study.gains, hz, rows.clone()))
                 }));
@@ -317,17 +318,6 @@ impl Sigma {
             missing,
         })
     }
-}
-
-/// Why there are no singular values.
-#[derive(Debug, thiserror::Error)]
-pub enum SigmaError {
-    /// The machine.
-    #[error(transparent)]
-    Machine(#[from] MachineError),
-    /// The loop.
-    #[error(transparent)]
-    Loop(#[from] RollOffError),
 }
 
 impl Display for Sigma {
