@@ -7,9 +7,9 @@ use shared::LEGS;
 use shared::table::ValidTable;
 
 use crate::design::Gains;
-use crate::linear::eigenvalues;
+use crate::linear::{eigenvalues, largest_singular_value};
 use crate::multibody::to_dynamic;
-use crate::plant::{Gain, Plant, SampledPlant, largest_singular_value};
+use crate::plant::{Gain, Plant, SampledPlant};
 
 type Six = Matrix6<Complex<f64>>;
 

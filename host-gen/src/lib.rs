@@ -28,7 +28,7 @@ pub mod closed_loop;
 pub mod design;
 pub mod energy;
 pub mod export;
-mod linear;
+pub mod linear;
 pub mod machine;
 pub mod multibody;
 pub mod output;

@@ -47,6 +47,19 @@ pub struct Pole {
     output: DVector<Complex<f64>>,
 }
 
+/// The poles' parts with real vectors, a column or a row each:
+/// output[0]·input goes with the sum of what a pole and its conjugate pass,
+/// output[1]·input with j times their difference. So a frequency takes real
+/// products, and of a mode that no damper couples to others half of them.
+#[derive(Clone, Debug)]
+struct Terms {
+    /// Index of the pole.
+    poles: Vec<usize>,
+    outputs: [DMatrix<f64>; 2],
+    /// From floor accelerations and from forces.
+    inputs: [MatrixXx6<f64>; 2],
+}
+
 /// The plant.
 #[derive(Clone, Debug)]
 pub struct Plant {
@@ -54,6 +67,7 @@ pub struct Plant {
     pub state_space: StateSpace,
     /// As poles.
     pub poles: Vec<Pole>,
+    terms: Terms,
     /// G(0) and G'(0). Accelerations far below the modes are small differences
     /// of D and the poles' parts; from here they are not.
     slow: [DMatrix<f64>; 2],
@@ -333,6 +347,7 @@ impl Plant {
         let slope = -(&out.displacement * &soft * damping * &soft * input);
         Ok(Self {
             state_space,
+            terms: Terms::new(&poles),
             poles,
             slow: [value, slope],
             performance: count,
@@ -403,56 +418,100 @@ impl Plant {
     }
 
     /// All transfer functions at `hz`.
-    pub fn response(&self, hz: f64) -> Response {
+    pub fn response(&self, hz: f64) -> Response<'_> {
         let s = Complex::new(0.0, TAU * hz);
         let [value, slope] = &self.slow;
-        let start = value.zip_map(slope, |value, slope| s * slope + value);
         // c·b/(s − λ) less its value and slope at zero.
-        self.sum(start, |_, lambda| {
+        let passes = |_, lambda: Complex<f64>| {
             let ratio = s / lambda;
             let gain = ratio * ratio / (s - lambda);
             [gain, gain]
-        })
+        };
+        Response {
+            direct: [Some((value, [Complex::ONE; 2])), Some((slope, [s; 2]))],
+            terms: &self.terms,
+            gains: self.gains(passes),
+        }
     }
 
-    /// `matrix` + Σ output·gain·input over all poles; `gain` gives, for a pole
-    /// and λ or its conjugate, what floor and forces are to be multiplied by.
-    fn sum(
+    /// Sum, and j times the difference, of what each pole and its conjugate
+    /// pass; `passes` gives, for a pole's index and λ or its conjugate, what
+    /// floor and forces are to be multiplied by.
+    fn gains(
         &self,
-        mut matrix: DMatrix<Complex<f64>>,
-        gain: impl Fn(usize, Complex<f64>) -> [Complex<f64>; 2],
-    ) -> Response {
-        for (k, pole) in self.poles.iter().enumerate() {
-            let of_pole = gain(k, pole.lambda);
-            let of_conjugate = if pole.pair {
-                gain(k, pole.lambda.conj())
+        passes: impl Fn(usize, Complex<f64>) -> [Complex<f64>; 2],
+    ) -> Vec<[[Complex<f64>; 2]; 2]> {
+        let j = Complex::new(0.0, 1.0);
+        let of = |(k, pole): (usize, &Pole)| {
+            let own = passes(k, pole.lambda);
+            if pole.pair {
+                let other = passes(k, pole.lambda.conj());
+                [0, 1].map(|group| {
+                    let (own, other) = (own[group], other[group]);
+                    [own + other, j * (own - other)]
+                })
             } else {
-                [Complex::ZERO; 2]
+                own.map(|own| [own, Complex::ZERO])
+            }
+        };
+        self.poles.iter().enumerate().map(of).collect()
+    }
+}
+
+impl Terms {
+    fn new(poles: &[Pole]) -> Self {
+        let mut of = Vec::new();
+        let mut outputs = [const { Vec::new() }; 2];
+        let mut inputs = Vec::new();
+        for (k, pole) in poles.iter().enumerate() {
+            // A phase moved from input to output makes the input real where it
+            // can be.
+            let largest = pole.input[pole.input.icamax()];
+            let phase = if largest == Complex::ZERO {
+                Complex::ONE
+            } else {
+                largest / largest.norm()
             };
-            for (j, input) in pole.input.iter().enumerate() {
-                let group = j / LEGS;
-                let direct = of_pole[group] * input;
-                let conjugate = of_conjugate[group] * input.conj();
-                for (entry, output) in matrix.column_mut(j).iter_mut().zip(&pole.output) {
-                    *entry += output * direct + output.conj() * conjugate;
+            let split = |v: DVector<Complex<f64>>| (v.map(|z| z.re), v.map(|z| z.im));
+            let (input_re, input_im) = split(&pole.input * phase.conj());
+            let (re, im) = split(&pole.output * phase);
+            for (input, sum, difference) in
+                [(input_re, re.clone(), im.clone()), (input_im, -im, re)]
+            {
+                if input.amax() > 0.0 {
+                    of.push(k);
+                    inputs.push(input.transpose());
+                    outputs[0].push(sum);
+                    outputs[1].push(difference);
                 }
             }
         }
-        Response { matrix }
+        let inputs = DMatrix::from_rows(&inputs);
+        Self {
+            poles: of,
+            outputs: outputs.map(|columns| DMatrix::from_columns(&columns)),
+            inputs: [0, LEGS].map(|first| inputs.fixed_columns::<LEGS>(first).into_owned()),
+        }
     }
 }
 
 /// Frequency response of the plant at one frequency: floor accelerations and
-/// leg forces to sensors, performance and the whole.
+/// leg forces to sensors, performance and the whole. What is asked for is
+/// computed when it is.
 #[derive(Clone, Debug)]
-pub struct Response {
-    matrix: DMatrix<Complex<f64>>,
+pub struct Response<'a> {
+    /// What the poles' parts are added to: matrices with factors for floor and
+    /// forces.
+    direct: [Option<(&'a DMatrix<f64>, [Complex<f64>; 2])>; 2],
+    terms: &'a Terms,
+    /// By pole, for floor and forces: what goes with a term's outputs.
+    gains: Vec<[[Complex<f64>; 2]; 2]>,
 }
 
 /// Any number of outputs from six inputs, as complex gains.
 pub type Gain = MatrixXx6<Complex<f64>>;
 
-impl Response {
+impl Response<'_> {
     /// From floor accelerations to these rows.
     pub fn from_floor(&self, rows: Range<usize>) -> Gain {
         self.block(rows, 0)
@@ -460,17 +519,48 @@ impl Response {
 
     /// From leg forces to these rows.
     pub fn from_legs(&self, rows: Range<usize>) -> Gain {
-        self.block(rows, LEGS)
+        self.block(rows, 1)
     }
 
     /// Leg forces to sensors, G22.
     pub fn g22(&self) -> Matrix6<Complex<f64>> {
-        self.matrix.fixed_view::<LEGS, LEGS>(0, LEGS).into_owned()
+        self.block(0..LEGS, 1).fixed_rows::<LEGS>(0).into_owned()
     }
 
-    fn block(&self, rows: Range<usize>, column: usize) -> Gain {
-        let view = self.matrix.rows_range(rows);
-        view.fixed_columns::<LEGS>(column).into_owned()
+    /// These rows from the floor (`group` 0) or the forces (1).
+    fn block(&self, rows: Range<usize>, group: usize) -> Gain {
+        let Terms {
+            poles,
+            outputs,
+            inputs,
+        } = self.terms;
+        // Real and imaginary parts one above the other.
+        let mut passed = DMatrix::<f64>::zeros(2 * rows.len(), poles.len());
+        for (t, (mut column, &pole)) in passed.column_iter_mut().zip(poles).enumerate() {
+            let [sum, difference] = self.gains[pole][group];
+            let [a, b] = outputs
+                .each_ref()
+                .map(|all| &all.column(t).data.into_slice()[rows.clone()]);
+            let (re, im) = column.as_mut_slice().split_at_mut(rows.len());
+            for ((re, im), (a, b)) in re.iter_mut().zip(im).zip(a.iter().zip(b)) {
+                *re = sum.re * a + difference.re * b;
+                *im = sum.im * a + difference.im * b;
+            }
+        }
+        let mut parts = passed * &inputs[group];
+        for (matrix, factors) in self.direct.iter().flatten() {
+            for j in 0..LEGS {
+                let entries = matrix.column(group * LEGS + j);
+                let entries = entries.rows_range(rows.clone());
+                let mut column = parts.column_mut(j);
+                let mut halves = column.rows_range_pair_mut(..rows.len(), rows.len()..);
+                halves.0.axpy(factors[group].re, &entries, 1.0);
+                halves.1.axpy(factors[group].im, &entries, 1.0);
+            }
+        }
+        Gain::from_fn(rows.len(), |i, j| {
+            Complex::new(parts[(i, j)], parts[(rows.len() + i, j)])
+        })
     }
 
     /// Floor accelerations to `rows` with the loop closed by σ = C·y.
@@ -479,25 +569,14 @@ impl Response {
         let difference = Matrix6::identity() - self.g22() * controller;
         match difference.try_inverse() {
             Some(inverse) => {
-                let g21 = self.matrix.fixed_view::<LEGS, LEGS>(0, 0);
-                let force = controller * inverse * g21;
+                let g21 = self.from_floor(0..LEGS);
+                let force = controller * inverse * g21.fixed_rows::<LEGS>(0);
                 self.from_floor(rows.clone()) + self.from_legs(rows) * force
             }
             // Exactly on a closed-loop pole.
             None => self.from_floor(rows).map(|_| Complex::from(f64::INFINITY)),
         }
     }
-}
-
-/// The largest singular value; infinite if an entry is not finite.
-pub fn largest_singular_value(matrix: &Gain) -> f64 {
-    if matrix
-        .iter()
-        .any(|z| !z.re.is_finite() || !z.im.is_finite())
-    {
-        return f64::INFINITY;
-    }
-    matrix.singular_values().max()
 }
 
 /// Lightly damped poles, rad/s, as peaks: Hz and half width, Hz.
@@ -616,15 +695,11 @@ impl SampledPlant {
 
     /// All transfer functions of the sampled plant at `hz`, forces counted from
     /// the sample they were computed from.
-    pub fn response(&self, hz: f64) -> Response {
+    pub fn response(&self, hz: f64) -> Response<'_> {
         let z = self.z(hz);
         let delay = z.powi(-(self.whole_periods as i32));
         let seen = delay / z;
-        let mut direct = self.plant.state_space.d.map(Complex::from);
-        for entry in direct.columns_mut(LEGS, LEGS).iter_mut() {
-            *entry *= seen;
-        }
-        self.plant.sum(direct, |k, lambda| {
+        let passes = |k: usize, lambda| {
             let pole = &self.poles[k];
             let of = |x: Complex<f64>| {
                 if lambda == self.plant.poles[k].lambda {
@@ -638,7 +713,15 @@ impl SampledPlant {
                 gain * of(pole.whole),
                 gain * (of(pole.after) * delay + of(pole.before) * seen),
             ]
-        })
+        };
+        Response {
+            direct: [
+                Some((&self.plant.state_space.d, [Complex::ONE, seen])),
+                None,
+            ],
+            terms: &self.plant.terms,
+            gains: self.plant.gains(passes),
+        }
     }
 
     /// As real matrices, for marching and for eigenvalues.

@@ -1,9 +1,10 @@
 //! The loop in time: sampled plant, converters with noise, and the very step
 //! that the firmware runs.
 
+use core::ops::Range;
 use std::collections::VecDeque;
 
-use nalgebra::{DMatrix, DVector, MatrixXx6, Vector6};
+use nalgebra::{Complex, DMatrix, DVectorView, MatrixXx6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -80,8 +81,8 @@ impl BandNoise {
         }
     }
 
-    fn sample(&mut self) -> Vector6<f64> {
-        Vector6::from_fn(|i, _| {
+    fn sample(&mut self) -> [f64; LEGS] {
+        core::array::from_fn(|i| {
             let white: f64 = StandardNormal.sample(&mut self.random);
             let mut x = white * self.scale;
             for (filter, state) in self.filters.iter().zip(&mut self.states[i]) {
@@ -92,21 +93,72 @@ impl BandNoise {
     }
 }
 
+/// A matrix in blocks of twelve rows, the last one filled up with zeros: what a
+/// compiler turns into products of registers.
+struct Blocks(Vec<Vec<[f64; BLOCK]>>);
+
+const BLOCK: usize = 12;
+
+impl Blocks {
+    fn new(matrix: &DMatrix<f64>) -> Self {
+        let block = |first| {
+            let entry = |i, j| matrix.get((first + i, j)).map_or(0.0, |x: &f64| *x);
+            (0..matrix.ncols())
+                .map(|j| core::array::from_fn(|i| entry(i, j)))
+                .collect()
+        };
+        Self((0..matrix.nrows()).step_by(BLOCK).map(block).collect())
+    }
+
+    /// `sum` += matrix·`vector`; `sum` in blocks as the matrix.
+    fn add_product(&self, vector: &[f64], sum: &mut [[f64; BLOCK]]) {
+        for (columns, sum) in self.0.iter().zip(sum) {
+            // Two sums, so that one need not wait for the other.
+            let mut odd = [0.0; BLOCK];
+            let mut columns = columns.chunks_exact(2);
+            let mut pairs = vector.chunks_exact(2);
+            for (columns, x) in columns.by_ref().zip(pairs.by_ref()) {
+                for i in 0..BLOCK {
+                    sum[i] += columns[0][i] * x[0];
+                    odd[i] += columns[1][i] * x[1];
+                }
+            }
+            for (column, x) in columns.remainder().iter().zip(pairs.remainder()) {
+                for i in 0..BLOCK {
+                    sum[i] += column[i] * x;
+                }
+            }
+            for i in 0..BLOCK {
+                sum[i] += odd[i];
+            }
+        }
+    }
+}
+
 /// The machine with its converters: takes DAC codes, gives ADC codes.
 pub struct Rig {
     plant: SampledPlant,
     board: Board,
-    matrices: SampledStateSpace,
+    /// The plant's poles, as [`SampledStateSpace::blocks`].
+    poles: Vec<(usize, Complex<f64>, bool)>,
     /// Sensors and performance, which are the plant's first rows, from the
-    /// state, from the floor and from the forces.
-    outputs: (DMatrix<f64>, MatrixXx6<f64>, MatrixXx6<f64>),
-    state: DVector<f64>,
+    /// state, then from floor and forces.
+    outputs: [Blocks; 2],
+    /// The state's change over a period from floor and forces, and from the
+    /// forces that those take over from; none if they are latched as the period
+    /// begins.
+    inputs: (Blocks, Option<Blocks>),
+    state: Vec<[f64; BLOCK]>,
+    outputs_now: Vec<[f64; BLOCK]>,
+    performance: Range<usize>,
     /// Forces latched or on their way, the latest first.
-    forces: VecDeque<Vector6<f64>>,
+    forces: VecDeque<[f64; LEGS]>,
     floor_noise: BandNoise,
+    /// rms of sensor and ADC together, V.
+    input_noise: f64,
     sensor_noise: ChaCha8Rng,
     output_noise: ChaCha8Rng,
-    floor: Vector6<f64>,
+    floor: [f64; LEGS],
     /// Scales the floor from here on; 1 at first.
     pub floor_gain: f64,
 }
@@ -114,28 +166,51 @@ pub struct Rig {
 impl Rig {
     /// At rest, with the floor noise and seed of `settings`.
     pub fn new(plant: SampledPlant, board: &Board, settings: &Simulation) -> Self {
-        let matrices = plant.state_space();
-        let count = plant.plant.performance().end;
-        let direct = plant.plant.state_space.d.rows(0, count);
-        let outputs = (
-            matrices.output.rows(0, count).into_owned(),
-            direct.fixed_columns::<LEGS>(0).into_owned(),
-            direct.fixed_columns::<LEGS>(LEGS).into_owned(),
-        );
+        let SampledStateSpace {
+            blocks: poles,
+            floor,
+            after,
+            before,
+            output,
+        } = plant.state_space();
+        let performance = plant.plant.performance();
+        let shown = 0..performance.end;
+        let beside = |left: &MatrixXx6<f64>, right: &MatrixXx6<f64>| {
+            let columns: Vec<_> = left.column_iter().chain(right.column_iter()).collect();
+            DMatrix::from_columns(&columns)
+        };
+        let outputs = [
+            output.rows_range(shown.clone()).into_owned(),
+            plant.plant.state_space.d.rows_range(shown).into_owned(),
+        ];
         let stream = |number| {
             let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
             random.set_stream(number);
             random
         };
+        // White noise of that density up to half the sample rate.
+        let sensor = board.sensor.noise_density * (0.5 * board.sample_rate).sqrt();
+        let blank = |rows: usize| vec![[0.0; BLOCK]; rows.div_ceil(BLOCK)];
         Self {
-            state: DVector::zeros(matrices.output.ncols()),
-            matrices,
-            outputs,
-            forces: vec![Vector6::zeros(); plant.seen_delay() + 1].into(),
+            state: blank(output.ncols()),
+            outputs_now: blank(performance.end),
+            performance,
+            poles,
+            outputs: outputs.map(|matrix| Blocks::new(&matrix)),
+            inputs: (
+                Blocks::new(&beside(&floor, &after)),
+                (before.amax() > 0.0).then(|| {
+                    Blocks::new(&DMatrix::from_columns(
+                        &before.column_iter().collect::<Vec<_>>(),
+                    ))
+                }),
+            ),
+            forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
             floor_noise: BandNoise::new(settings, plant.period, stream(0)),
+            input_noise: (sensor * board.sensor.sensitivity).hypot(board.adc_noise),
             sensor_noise: stream(1),
             output_noise: stream(2),
-            floor: Vector6::zeros(),
+            floor: [0.0; LEGS],
             floor_gain: 1.0,
             board: *board,
             plant,
@@ -149,48 +224,39 @@ impl Rig {
 
     /// The next sampling instant: the codes the ADC gives, and the performance
     /// accelerations, m/s².
-    pub fn sample(&mut self) -> ([AdcCode; LEGS], DVector<f64>) {
-        self.floor = self.floor_noise.sample() * self.floor_gain;
+    pub fn sample(&mut self) -> ([AdcCode; LEGS], DVectorView<'_, f64>) {
+        self.floor = self.floor_noise.sample().map(|x| x * self.floor_gain);
         let seen = self.forces[self.plant.whole_periods];
-        let plant = &self.plant.plant;
-        let (by_state, by_floor, by_force) = &self.outputs;
-        let mut y = by_state * &self.state;
-        y.gemv(1.0, by_floor, &self.floor, 1.0);
-        y.gemv(1.0, by_force, &seen, 1.0);
-        let board = &self.board;
-        // White noise of that density up to half the sample rate.
-        let noise = board.sensor.noise_density * (0.5 * board.sample_rate).sqrt();
+        let [from_state, direct] = &self.outputs;
+        let y = &mut self.outputs_now;
+        y.fill([0.0; BLOCK]);
+        from_state.add_product(self.state.as_flattened(), y);
+        direct.add_product([self.floor, seen].as_flattened(), y);
+        let y = y.as_flattened();
+        let Board { sensor, adc, .. } = &self.board;
         let codes = core::array::from_fn(|i| {
-            let mut normal = || -> f64 { StandardNormal.sample(&mut self.sensor_noise) };
-            let volts = (y[i] + noise * normal()) * board.sensor.sensitivity
-                + board.sensor.offset
-                + board.adc_noise * normal();
-            board.adc.code(volts)
+            let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
+            adc.code(y[i] * sensor.sensitivity + sensor.offset + self.input_noise * normal)
         });
-        let performance = y.rows_range(plant.performance()).into_owned();
-        (codes, performance)
+        (
+            codes,
+            DVectorView::from_slice(&y[self.performance.clone()], self.performance.len()),
+        )
     }
 
     /// Latches `dac` in its turn and lets the period pass.
     pub fn advance(&mut self, dac: [DacCode; LEGS]) {
         let board = &self.board;
-        let force = Vector6::from_fn(|i, _| {
+        let force = dac.map(|code| {
             let normal: f64 = StandardNormal.sample(&mut self.output_noise);
-            board.dac.force(dac[i], board.actuator_gain)
+            board.dac.force(code, board.actuator_gain)
                 + board.dac_noise * normal * board.actuator_gain
         });
         self.forces.pop_back();
         self.forces.push_front(force);
         let late = self.plant.whole_periods;
-        let SampledStateSpace {
-            blocks,
-            floor,
-            after,
-            before,
-            ..
-        } = &self.matrices;
-        let x = &mut self.state;
-        for &(at, z, pair) in blocks {
+        let x = self.state.as_flattened_mut();
+        for &(at, z, pair) in &self.poles {
             if pair {
                 let (re, im) = (x[at], x[at + 1]);
                 x[at] = z.re * re - z.im * im;
@@ -199,9 +265,14 @@ impl Rig {
                 x[at] *= z.re;
             }
         }
-        x.gemv(1.0, floor, &self.floor, 1.0);
-        x.gemv(1.0, after, &self.forces[late], 1.0);
-        x.gemv(1.0, before, &self.forces[late + 1], 1.0);
+        let (inputs, before) = &self.inputs;
+        inputs.add_product(
+            [self.floor, self.forces[late]].as_flattened(),
+            &mut self.state,
+        );
+        if let Some(before) = before {
+            before.add_product(&self.forces[late + 1], &mut self.state);
+        }
     }
 }
 
@@ -306,7 +377,8 @@ pub fn compare(
     table: &ValidTable,
     outputs: Vec<String>,
 ) -> Comparison {
-    let [open, closed] = [false, true].map(|closed| run(plant, board, settings, table, closed));
+    let one = |closed| run(plant, board, settings, table, closed);
+    let (open, closed) = rayon::join(|| one(false), || one(true));
     Comparison {
         outputs,
         duration_s: settings.duration,

@@ -6,8 +6,9 @@ use core::f64::consts::TAU;
 
 use common::{edited, frame, study};
 use host_gen::closed_loop::{LinearLaw, LoopGrid, SampledLoop, stable};
+use host_gen::linear::largest_singular_value;
 use host_gen::machine::Simulation;
-use host_gen::plant::{StateSpace, largest_singular_value};
+use host_gen::plant::StateSpace;
 use host_gen::roll_off::{Nearest, RollOffError};
 use host_gen::simulation::run;
 use host_gen::study::Study;

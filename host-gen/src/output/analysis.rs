@@ -4,6 +4,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use nalgebra::Complex;
+use rayon::prelude::*;
 use serde::Serialize;
 use shared::LEGS;
 use shared::table::{Feedback, ValidTable};
@@ -13,8 +14,9 @@ use crate::closed_loop::{LinearLaw, SampledLoop, close_ideal, grid, stable};
 use crate::design::ideal_poles;
 use crate::energy::{Kind, energies};
 use crate::export::Generalised;
+use crate::linear::largest_singular_value;
 use crate::machine::{Machine, MachineError};
-use crate::plant::{largest_singular_value, pole_peaks};
+use crate::plant::pole_peaks;
 use crate::robustness::{Robust, Spread};
 use crate::roll_off::{Band, RollOff, RollOffError};
 use crate::study::{Study, StudyError};
@@ -285,9 +287,9 @@ impl Sigma {
             Frequencies::Adaptive { low, high, count } => grid(low, high, count, &peaks),
             Frequencies::At(hz) => hz,
         };
-        let curve = |name: String, sigma: &dyn Fn(f64) -> f64| Curve {
+        let curve = |name: String, sigma: &(dyn Fn(f64) -> f64 + Sync)| Curve {
             name,
-            sigma_max: hz.iter().map(|&hz| sigma(hz)).collect(),
+            sigma_max: hz.par_iter().map(|&hz| sigma(hz)).collect(),
         };
         let mut curves = Vec::new();
         for (i, (study, ideal_holds, sampled)) in loops.iter().enumerate() {
