@@ -105,7 +105,7 @@ pub fn largest_singular_value<const N: usize>(
     let (re, im) = (matrix.map(|z| z.re / scale), matrix.map(|z| z.im / scale));
     let cross = re.transpose() * &im;
     let real = re.transpose() * &re + im.transpose() * &im;
-    let imaginary = &cross - cross.transpose();
+    let imaginary = cross - cross.transpose();
     // A start with a part along everything, also where symmetry parts the
     // coordinates.
     let mut v = [0.5, 0.1].map(|least| {

@@ -500,13 +500,15 @@ impl Terms {
 /// computed when it is.
 #[derive(Clone, Debug)]
 pub struct Response<'a> {
-    /// What the poles' parts are added to: matrices with factors for floor and
-    /// forces.
-    direct: [Option<(&'a DMatrix<f64>, [Complex<f64>; 2])>; 2],
+    /// What the poles' parts are added to.
+    direct: [Option<Scaled<'a>>; 2],
     terms: &'a Terms,
     /// By pole, for floor and forces: what goes with a term's outputs.
     gains: Vec<[[Complex<f64>; 2]; 2]>,
 }
+
+/// A real matrix, and its factors for the columns of the floor and the forces.
+type Scaled<'a> = (&'a DMatrix<f64>, [Complex<f64>; 2]);
 
 /// Any number of outputs from six inputs, as complex gains.
 pub type Gain = MatrixXx6<Complex<f64>>;

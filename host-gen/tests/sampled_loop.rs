@@ -362,7 +362,7 @@ fn the_rig_marches_as_the_state_space_does() {
             let expected = y.rows_range(plant.performance()).into_owned();
             largest = largest.max(expected.amax());
             assert!(
-                (&found - &expected).amax() <= 1e-9 * largest.max(1e-9),
+                (found - &expected).amax() <= 1e-9 * largest.max(1e-9),
                 "{latch} s, sample {k}"
             );
             let codes: [DacCode; 6] = core::array::from_fn(|leg| {

@@ -40,6 +40,9 @@ enum Task {
     /// How long singular values and the closed loop take, and beside them the
     /// same in NumPy and SciPy where there is a Python with them.
     Speed,
+    /// Natural frequencies against Exudyn, a multibody program from PyPI, for
+    /// whoever has a Python with it.
+    Exudyn,
     /// Finds, or installs, what the boards need, and builds their firmware.
     Build(Setup),
 }
@@ -75,6 +78,7 @@ fn main() -> ExitCode {
         }
         Task::Bench(setup) => Tools::find(!setup.no_install).and_then(|tools| bench(&tools)),
         Task::Speed => speed(),
+        Task::Exudyn => exudyn(),
         Task::Build(setup) => Tools::find(!setup.no_install).and_then(|tools| {
             for board in &BOARDS {
                 boards::build(board, &tools)?;
@@ -95,15 +99,7 @@ fn test(setup: &Setup) -> Outcome<()> {
     // First, so that a missing tool is known at once.
     let tools = Tools::find(!setup.no_install)?;
     run(cargo().args(["test", "--workspace"]))?;
-    run(cargo().args([
-        "run",
-        "--release",
-        "--package",
-        "host-gen",
-        "--",
-        "check",
-        MODEL,
-    ]))?;
+    run(&mut host_gen(&["check", MODEL]))?;
     pil(&tools, SAMPLES)
 }
 
@@ -138,30 +134,60 @@ fn bench(tools: &Tools) -> Outcome<()> {
 
 fn speed() -> Outcome<()> {
     run(cargo().args(["bench", "--package", "tests", "--bench", "speed"]))?;
-    let python = |arguments: &[&str]| {
-        let mut command = Command::new("python3");
-        command.args(arguments);
-        command
-    };
-    let imports = python(&["-c", "import numpy, scipy"])
-        .stderr(Stdio::null())
-        .status();
-    if !imports.is_ok_and(|status| status.success()) {
+    if !python_has("numpy, scipy") {
         println!("no python3 with NumPy and SciPy here: nothing beside it");
         return Ok(());
     }
     let folder = "target/speed";
-    let plant = [
-        "run",
-        "--release",
-        "--package",
-        "host-gen",
-        "--",
-        "plant",
-        MODEL,
-    ];
-    run(cargo().args(plant).args(["--matrix-market", folder]))?;
-    run(&mut python(&["tests/benches/speed.py", folder]))
+    run(&mut host_gen(&["plant", MODEL, "--matrix-market", folder]))?;
+    run(python().args(["tests/benches/speed.py", folder]))
+}
+
+/// The models, and a machine with nothing alike.
+const MACHINES: [&str; 4] = [
+    MODEL,
+    "models/low-parasitic.toml",
+    "models/smaller-basis.toml",
+    "tests/external/skew.toml",
+];
+
+fn exudyn() -> Outcome<()> {
+    if !python_has("exudyn, numpy") {
+        return Err("no python3 with Exudyn here; pip install exudyn numpy".to_owned());
+    }
+    for machine in MACHINES {
+        println!("{machine}");
+        let modes = host_gen(&["modes", machine, "--format", "json"])
+            .stderr(Stdio::inherit())
+            .output()
+            .map_err(|error| format!("cargo cannot be started: {error}"))?;
+        if !modes.status.success() {
+            return Err(format!("host-gen modes {machine} failed"));
+        }
+        let file = "target/modes.json";
+        std::fs::write(file, modes.stdout).map_err(|error| format!("{file}: {error}"))?;
+        run(python().args(["tests/external/exudyn_modes.py", machine, file]))?;
+    }
+    Ok(())
+}
+
+fn host_gen(arguments: &[&str]) -> Command {
+    let mut command = cargo();
+    command.args(["run", "--quiet", "--release", "--package", "host-gen", "--"]);
+    command.args(arguments);
+    command
+}
+
+fn python() -> Command {
+    Command::new("python3")
+}
+
+fn python_has(modules: &str) -> bool {
+    python()
+        .args(["-c", &format!("import {modules}")])
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success())
 }
 
 /// The cargo that runs this.

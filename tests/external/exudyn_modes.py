@@ -1,0 +1,134 @@
+"""Natural frequencies of a machine file by Exudyn beside those of host-gen.
+
+Usage: exudyn_modes.py MACHINE.toml MODES.json
+MODES.json is what `host-gen modes MACHINE.toml --format json` prints.
+
+Exudyn assembles geometrically exact beams and rigid bodies, and knows nothing
+of our matrices. Its beams are shear deformable with a constant strain over an
+element: bending flexibility L³/12 of each element is missing, and a shear
+stiffness of 12·EI/h² puts it back, so that one element is a slender beam.
+"""
+
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import exudyn as exu
+import numpy as np
+from exudyn.utilities import (
+    Beam3D,
+    GenericJoint,
+    MarkerBodyRigid,
+    MarkerNodeRigid,
+    NodeRigidBodyRotVecLG,
+    ObjectGround,
+    RigidBodyInertia,
+    RotationMatrix2RotationVector,
+)
+
+# Both work in double precision on matrices of condition 1e4 or so.
+TOLERANCE = 1e-9
+
+
+def load(path):
+    """A machine file with what it is based on."""
+    with open(path, "rb") as file:
+        machine = tomllib.load(file)
+    base = machine.pop("based_on", None)
+    return merge(load(path.parent / base), machine) if base else machine
+
+
+def merge(base, change):
+    for key, value in change.items():
+        nested = isinstance(value, dict) and isinstance(base.get(key), dict)
+        base[key] = merge(base[key], value) if nested else value
+    return base
+
+
+def frame_of(start, end, y):
+    """Rotation matrix of a beam with x along it, as docs/machine-file.md has it."""
+    x = (end - start) / np.linalg.norm(end - start)
+    if y is None:
+        up = np.array([0.0, 0.0, 1.0])
+        y = np.cross(up, x)
+        if np.linalg.norm(y) < 1e-9:
+            y = np.array([0.0, 1.0, 0.0])
+    z = np.cross(x, y)
+    z /= np.linalg.norm(z)
+    return np.column_stack((x, np.cross(z, x), z))
+
+
+def hertz(machine):
+    system = exu.SystemContainer().AddSystem()
+    nodes = {name: np.array(at, float) for name, at in machine["nodes"].items()}
+    markers = {}
+
+    ground = system.AddObject(ObjectGround())
+    for name in machine["base"]["nodes"]:
+        markers[name] = system.AddMarker(
+            MarkerBodyRigid(bodyNumber=ground, localPosition=nodes[name])
+        )
+    for body in machine["bodies"].values():
+        inertia = np.array(body["inertia"], float)
+        if inertia.ndim == 1 and len(inertia) == 3:
+            inertia = np.diag(inertia)
+        cog = np.array(body["cog"], float)
+        made = system.CreateRigidBody(
+            referencePosition=cog,
+            inertia=RigidBodyInertia(
+                mass=body["mass"], com=np.zeros(3), inertiaTensor=inertia
+            ),
+        )
+        for name in body["nodes"]:
+            markers[name] = system.AddMarker(
+                MarkerBodyRigid(bodyNumber=made, localPosition=nodes[name] - cog)
+            )
+    for beam in machine["beams"].values():
+        profile = beam.get("stiffness") or machine["profiles"][beam["profile"]]
+        ends = beam["nodes"]
+        start, end = (nodes[name] for name in ends)
+        length = np.linalg.norm(end - start)
+        turn = frame_of(start, end, beam.get("y_axis"))
+        vector = list(RotationMatrix2RotationVector(turn))
+        section = exu.BeamSection()
+        about_y, about_z = (length * x for x in profile["bending"])
+        shear = [12 * about_z / length**2, 12 * about_y / length**2]
+        section.stiffnessMatrix = np.diag(
+            [length * profile["axial"], *shear, length * profile["torsion"], about_y, about_z]
+        )
+        made = [
+            system.AddNode(
+                NodeRigidBodyRotVecLG(referenceCoordinates=[*nodes[name], *vector])
+            )
+            for name in ends
+        ]
+        system.AddObject(Beam3D(nodeNumbers=made, length=length, sectionData=section))
+        for node, name in zip(made, ends):
+            turned_back = exu.HT(rotation=turn.T, translation=np.zeros(3))
+            marker = system.AddMarker(
+                MarkerNodeRigid(nodeNumber=node, localHT=turned_back)
+            )
+            system.AddObject(GenericJoint(markerNumbers=[markers[name], marker]))
+    system.Assemble()
+    squares, _ = system.ComputeODE2Eigenvalues()
+    return np.sort(np.sqrt(np.abs(squares)) / (2 * np.pi))
+
+
+def main():
+    machine_file, modes_file = sys.argv[1:]
+    machine = load(Path(machine_file))
+    with open(modes_file, encoding="utf-8") as file:
+        ours = np.array([mode["hz"] for mode in json.load(file)["modes"]])
+    theirs = hertz(machine)
+    if len(theirs) != len(ours):
+        sys.exit(f"Exudyn finds {len(theirs)} modes, host-gen {len(ours)}")
+    apart = np.abs(theirs / ours - 1)
+    print("    host-gen Hz      Exudyn Hz   relative difference")
+    for row in zip(ours, theirs, apart):
+        print("{:15.6f}{:15.6f}{:15.1e}".format(*row))
+    if apart.max() > TOLERANCE:
+        sys.exit(f"apart by {apart.max():.1e}, more than {TOLERANCE}")
+
+
+main()
