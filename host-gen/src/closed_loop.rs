@@ -4,49 +4,13 @@ use core::ops::Range;
 
 use nalgebra::{Complex, DMatrix, Matrix6};
 use shared::LEGS;
-use shared::table::ValidTable;
 
 use crate::design::Gains;
+use crate::law::LinearLaw;
 use crate::linear::{eigenvalues, largest_singular_value};
-use crate::multibody::to_dynamic;
 use crate::plant::{Gain, Plant, SampledPlant};
 
 type Six = Matrix6<Complex<f64>>;
-
-/// The law of a table as a linear system, from sensor values to forces: what
-/// [`shared::step`] does while nothing is clamped, without rounding.
-#[derive(Clone, Copy, Debug)]
-pub struct LinearLaw {
-    proportional: Matrix6<f64>,
-    increment: Matrix6<f64>,
-    leak: f64,
-    ac_coupling: f64,
-    roll_off: f64,
-}
-
-impl LinearLaw {
-    /// The law that `table` holds, with its rounded coefficients.
-    pub fn new(table: &ValidTable) -> Self {
-        let table = table.get();
-        Self {
-            proportional: table.law.proportional.cast(),
-            increment: table.law.integral.cast(),
-            leak: table.law.leak.into(),
-            ac_coupling: table.shaping.ac_coupling.into(),
-            roll_off: table.shaping.roll_off.into(),
-        }
-    }
-
-    /// σ = C(z)·y.
-    pub fn response(&self, z: Complex<f64>) -> Six {
-        let one = Complex::ONE;
-        let high_pass = (z - one) / (z - one + self.ac_coupling);
-        let low_pass = z * self.roll_off / (z - one + self.roll_off);
-        let shaping = -(high_pass * high_pass * low_pass);
-        let integral = (z + one) / (z - one + self.leak);
-        self.proportional.map(|p| shaping * p) + self.increment.map(|i| shaping * integral * i)
-    }
-}
 
 /// σ = C(jω)·y of the unsampled law, Eqs. (21) and (22).
 pub fn ideal_response(gains: &Gains, hz: f64) -> Six {
@@ -55,26 +19,39 @@ pub fn ideal_response(gains: &Gains, hz: f64) -> Six {
 }
 
 /// Where a loop is opened to look at its sensitivity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Opening {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Opening {
+    /// At the forces along the modes of the design model.
+    Modes,
     /// At the six forces.
     Legs,
     /// At the six sensors.
     Sensors,
-    /// At the forces along the modes of the design model.
-    Modes,
 }
 
-/// A peak of the sensitivity, max over frequency of σ_max((1 + L)⁻¹).
+/// The peak of the sensitivity, max over frequency of σ_max((1 + L)⁻¹).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PeakSensitivity {
-    /// Ms.
+    /// Ms with the loop open at the forces along the modes, whose coordinates
+    /// give every mode the same weight: what is bounded.
     pub value: f64,
     /// Hz.
     pub at: f64,
-    /// The opening with the highest peak.
-    pub opening: Opening,
+    /// With the loop open at the six legs.
+    pub at_legs: f64,
+    /// With the loop open at the six sensors.
+    pub at_sensors: f64,
+}
+
+/// Legs and sensors, whose coordinates mix the modes, may have this many times
+/// the peak of the modes.
+pub const ELSEWHERE: f64 = 1.5;
+
+impl PeakSensitivity {
+    /// Whether the bound is kept, and its [`ELSEWHERE`]-fold at legs and sensors.
+    pub fn within(&self, bound: f64) -> bool {
+        self.value <= bound && self.at_legs.max(self.at_sensors) <= ELSEWHERE * bound
+    }
 }
 
 /// The sampled plant on a grid of frequencies, for trying many laws.
@@ -87,11 +64,12 @@ pub struct LoopGrid {
 }
 
 impl LoopGrid {
-    /// From `low` Hz to half the sample rate, finer about the plant's modes.
-    /// `modal` is S of Eq. (17).
-    pub fn new(plant: &SampledPlant, modal: &Matrix6<f64>, low: f64) -> Self {
+    /// From `low` Hz to half the sample rate, finer about the plant's modes and
+    /// about `sharp`, more peaks as Hz and half width. `modal` is S of Eq. (17).
+    pub fn new(plant: &SampledPlant, modal: &Matrix6<f64>, low: f64, sharp: &[(f64, f64)]) -> Self {
         let high = 0.5 / plant.period;
-        let points = grid(low, high, 500, &plant.plant.peaks())
+        let peaks = [&plant.plant.peaks(), sharp].concat();
+        let points = grid(low, high, 500, &peaks)
             .into_iter()
             .map(|hz| (hz, plant.z(hz), plant.response(hz).g22()))
             .collect();
@@ -118,60 +96,79 @@ impl LoopGrid {
         ]
     }
 
-    /// Whether the sensitivity is at most `bound` everywhere on the grid. Says
-    /// nothing about stability.
+    /// Whether the sensitivity is within `bound` everywhere on the grid, as
+    /// [`PeakSensitivity::within`]. Says nothing about stability.
     pub fn within(&self, law: &LinearLaw, bound: f64) -> bool {
         // σ_min(1 + L) ≥ 1/bound where (1 + L)ᴴ(1 + L) − 1/bound² is positive
         // definite, which a Cholesky factorisation tells much faster than
         // singular values do.
-        let floor = Six::from_diagonal_element(Complex::from(1.0 / (bound * bound)));
         self.points.iter().all(|(_, z, g22)| {
             self.return_differences(g22, &law.response(*z))
-                .iter()
-                .all(|(_, d)| is_positive_definite(d.adjoint() * d - floor))
+                .into_iter()
+                .all(|(opening, d)| match opening {
+                    Opening::Modes => keeps(d, bound),
+                    Opening::Legs | Opening::Sensors => keeps(d, ELSEWHERE * bound),
+                })
         })
     }
 
-    /// The highest peak, found on the grid and climbed to its top. `plant` is
-    /// the one the grid was made from.
+    /// The highest peaks, found on the grid and climbed to their tops. `plant`
+    /// is the one the grid was made from.
     pub fn peak(&self, plant: &SampledPlant, law: &LinearLaw) -> PeakSensitivity {
+        let (value, at) = self.climb(plant, law, Opening::Modes);
+        PeakSensitivity {
+            value,
+            at,
+            at_legs: self.climb(plant, law, Opening::Legs).0,
+            at_sensors: self.climb(plant, law, Opening::Sensors).0,
+        }
+    }
+
+    /// The highest peak at one opening, and its frequency, Hz.
+    fn climb(&self, plant: &SampledPlant, law: &LinearLaw, opening: Opening) -> (f64, f64) {
         let at = |hz: f64, g22: &Six| {
             self.return_differences(g22, &law.response(plant.z(hz)))
-                .map(|(opening, d)| PeakSensitivity {
-                    value: 1.0 / d.singular_values().min(),
-                    at: hz,
-                    opening,
-                })
                 .into_iter()
-                .max_by(|a, b| a.value.total_cmp(&b.value))
-                .expect("there are three openings")
+                .filter(|(own, _)| *own == opening)
+                .map(|(_, d)| 1.0 / d.singular_values().min())
+                .fold(0.0, f64::max)
         };
         let (index, mut best) = self
             .points
             .iter()
-            .map(|(hz, _, g22)| at(*hz, g22))
+            .map(|(hz, _, g22)| (at(*hz, g22), *hz))
             .enumerate()
-            .max_by(|(_, a), (_, b)| a.value.total_cmp(&b.value))
+            .max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0))
             .expect("a grid has points");
         let hz = |i: usize| self.points[i.min(self.points.len() - 1)].0;
         let (mut low, mut high) = (hz(index.saturating_sub(1)), hz(index + 1));
         while high - low > 1e-6 * high {
             let third = (high - low) / 3.0;
             let [left, right] =
-                [low + third, high - third].map(|hz| at(hz, &plant.response(hz).g22()));
-            if left.value < right.value {
-                low = left.at;
+                [low + third, high - third].map(|hz| (at(hz, &plant.response(hz).g22()), hz));
+            if left.0 < right.0 {
+                low = left.1;
             } else {
-                high = right.at;
+                high = right.1;
             }
             for peak in [left, right] {
-                if peak.value > best.value {
+                if peak.0 > best.0 {
                     best = peak;
                 }
             }
         }
         best
     }
+}
+
+/// Whether no singular value of a return difference is below 1/`bound`.
+pub(crate) fn keeps(difference: Six, bound: f64) -> bool {
+    let mut square = difference.ad_mul(&difference);
+    let floor = 1.0 / (bound * bound);
+    for i in 0..LEGS {
+        square[(i, i)] -= floor;
+    }
+    is_positive_definite(square)
 }
 
 /// nalgebra's complex Cholesky takes square roots of negative pivots, so the
@@ -224,15 +221,15 @@ pub struct SampledLoop<'a> {
 
 impl SampledLoop<'_> {
     /// One period of the closed loop as a matrix: the modes, the forces still
-    /// to act, and the law's five states per channel.
+    /// to act, and the law's states.
     fn transition(&self) -> DMatrix<f64> {
         let plant = self.plant.state_space();
-        let law = &self.law;
+        let law = self.law.state_space();
         let n = plant.output.ncols();
         let delays = self.plant.seen_delay();
-        let states = n + LEGS * (delays + 4);
+        let inner = n + LEGS * delays;
+        let states = inner + law.a.nrows();
         let held = |age: usize| n + LEGS * (age - 1);
-        let [average, second, rolled, integral] = core::array::from_fn(|i| n + LEGS * (delays + i));
         // A signal is its row of coefficients on the states before the step.
         let state = |at: usize| {
             let mut rows = DMatrix::zeros(LEGS, states);
@@ -240,23 +237,20 @@ impl SampledLoop<'_> {
             rows
         };
         let sensors = self.plant.plant.sensors();
-        let direct = &self.plant.plant.state_space.d;
+        let direct = self.plant.direct();
         let mut y = direct.view((sensors.start, LEGS), (LEGS, LEGS)) * state(held(delays));
         let mut modes = y.columns_mut(0, n);
         modes += plant.output.rows_range(sensors);
 
         let mut next = DMatrix::zeros(states, states);
+        let mut own = next.rows_range_mut(inner..);
+        own += law.b * &y;
+        let mut own = own.columns_range_mut(inner..);
+        own += law.a;
+        let mut force = law.d * y;
+        let mut own = force.columns_range_mut(inner..);
+        own += law.c;
         let mut set = |at: usize, rows: &DMatrix<f64>| next.rows_mut(at, LEGS).copy_from(rows);
-        let v = y - state(average);
-        set(average, &(state(average) + law.ac_coupling * &v));
-        let w = v - state(second);
-        set(second, &(state(second) + law.ac_coupling * &w));
-        let before = state(rolled);
-        let r = &before + law.roll_off * (w - &before);
-        set(rolled, &r);
-        let x = (1.0 - law.leak) * state(integral) + to_dynamic(&law.increment) * (&r + before);
-        set(integral, &x);
-        let force = -(x + to_dynamic(&law.proportional) * r);
         set(held(1), &force);
         for age in 2..=delays {
             set(held(age), &state(held(age - 1)));
@@ -265,7 +259,7 @@ impl SampledLoop<'_> {
         let new = if age == 0 { force } else { state(held(age)) };
         let old = state(held(age + 1));
         let mut modes = next.rows_mut(0, n);
-        modes += plant.after * new + plant.before * old;
+        modes += plant.change.after * new + plant.change.before * old;
         for (at, z, pair) in plant.blocks {
             next[(at, at)] += z.re;
             if pair {

@@ -1,6 +1,6 @@
 //! The gains of section 4 of the paper, on the rigid design model.
 
-use nalgebra::{Complex, DMatrix, Matrix6, Matrix6xX};
+use nalgebra::{Complex, DMatrix, DVector, Matrix6, Matrix6xX};
 use shared::LEGS;
 use shared::table::Feedback;
 
@@ -47,9 +47,10 @@ impl Design {
         feedback: Feedback,
     ) -> Result<Self, MachineError> {
         let rigid = RigidModel::new(machine, model)?;
-        let (squares, shapes) =
+        let (squares, mut shapes) =
             generalised_eigen(&to_dynamic(&rigid.stiffness), &to_dynamic(&rigid.mass))
                 .expect("the lumped mass is positive definite because every body's is");
+        canonical(&squares, &mut shapes);
         let sensing = match feedback {
             Feedback::Acceleration => acceleration_sensing(machine, model, &rigid)?,
             Feedback::Force => force_sensing(machine)?,
@@ -110,6 +111,88 @@ impl Design {
             integral: integral * unsense,
         }
     }
+}
+
+/// Sensors to modes and modes to legs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModalTransform {
+    /// T_in. Accelerations: S⁻¹·T_c⁻¹, to √kg·m/s². Forces: Sᵀ in the sensors'
+    /// order, to N/√kg.
+    pub input: Matrix6<f64>,
+    /// T_out = S⁻ᵀ, from N/√kg to N.
+    pub output: Matrix6<f64>,
+}
+
+impl Design {
+    /// The coordinates in which the gains of [`Design::gains`] are diagonal:
+    /// with K'_a = S⁻ᵀ·(Ω²/ω_n² − 1)·S⁻¹ and K_P = S⁻ᵀ·(Ω²/ω_n² − 1)·Sᵀ, both
+    /// kinds have ω_k²/ω_n² − 1 and 2ζ_n·ω_k²/ω_n there.
+    pub fn transform(&self) -> ModalTransform {
+        let inverse = self.modal.try_inverse().expect("modes are independent");
+        let unsense = self
+            .sensing
+            .try_inverse()
+            .expect("the sensors were checked to be independent");
+        let to_modes = match self.feedback {
+            Feedback::Acceleration => inverse,
+            Feedback::Force => self.modal.transpose(),
+        };
+        // What symmetry makes zero is zero, and the same on every processor.
+        let clean = |m: Matrix6<f64>| {
+            let smallest = 1e-12 * m.amax();
+            m.map(|x| if x.abs() < smallest { 0.0 } else { x })
+        };
+        ModalTransform {
+            input: clean(to_modes * unsense),
+            output: clean(inverse.transpose()),
+        }
+    }
+}
+
+/// Modes nearer than this part of each other count as one.
+pub const ALIKE: f64 = 1e-6;
+
+/// Turns the shapes of equal modes, which are only known up to a rotation, and
+/// all signs to the same ones on every processor: the first row that is as long
+/// as any gets one entry, a positive one, and so on with the columns left.
+fn canonical(squares: &DVector<f64>, shapes: &mut DMatrix<f64>) {
+    let n = squares.len();
+    let mut start = 0;
+    while start < n {
+        let alike = |i: &usize| (squares[*i] / squares[start]).sqrt() - 1.0 < ALIKE;
+        let end = (start..n).take_while(alike).last().map_or(start, |i| i) + 1;
+        for column in start..end {
+            let length = |row: usize| shapes.view((row, column), (1, end - column)).norm();
+            let longest = (0..n).map(length).fold(0.0, f64::max);
+            // Rows that symmetry makes equal are so to rounding.
+            let row = (0..n).find(|&row| length(row) > (1.0 - ALIKE) * longest);
+            let row = row.unwrap_or(0);
+            for other in column + 1..end {
+                let (a, b) = (shapes[(row, column)], shapes[(row, other)]);
+                let size = a.hypot(b);
+                if size > 0.0 {
+                    let (cos, sin) = (a / size, b / size);
+                    let (first, second) = (
+                        shapes.column(column).into_owned(),
+                        shapes.column(other).into_owned(),
+                    );
+                    shapes.set_column(column, &(&first * cos + &second * sin));
+                    shapes.set_column(other, &(second * cos - first * sin));
+                }
+            }
+            if shapes[(row, column)] < 0.0 {
+                shapes.column_mut(column).neg_mut();
+            }
+        }
+        start = end;
+    }
+    // What symmetry makes zero.
+    let smallest = 1e-12 * shapes.amax();
+    shapes.apply(|x| {
+        if x.abs() < smallest {
+            *x = 0.0;
+        }
+    });
 }
 
 fn acceleration_sensing(

@@ -11,7 +11,10 @@
 //! | [`plant`] | modes, inputs, outputs | the generalised plant G, continuous and sampled |
 //! | [`zeros`], [`export`] | the plant | transmission zeros of G22, matrices for other programs |
 //! | [`closed_loop`] | sampled plant and table | stability, sensitivity, isolation |
-//! | [`roll_off`] | all of these | the corner that the sampled loop bears |
+//! | [`law`] | a table | its law as a linear system |
+//! | [`shape`], [`tuning`] | design, sampled plant | the best shape of each mode |
+//! | [`shaping`] | all of these | the shaping that the sampled loop bears |
+//! | [`margins`] | the loop | disk margins, Bode's integral |
 //! | [`robustness`] | machine, table | the same controller on machines drawn about the file's |
 //! | [`table`] | gains and board | the table and its Rust source |
 //! | [`spectrum`] | sampled plant, table, a floor | spectra, their sources, the criterion met |
@@ -28,16 +31,20 @@ pub mod closed_loop;
 pub mod design;
 pub mod energy;
 pub mod export;
+pub mod law;
 pub mod linear;
 pub mod machine;
+pub mod margins;
 pub mod multibody;
 pub mod output;
 pub mod plant;
 pub mod robustness;
-pub mod roll_off;
+pub mod shape;
+pub mod shaping;
 pub mod simulation;
 pub mod spectrum;
 pub mod statics;
 pub mod study;
 pub mod table;
+pub mod tuning;
 pub mod zeros;

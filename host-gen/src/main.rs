@@ -11,14 +11,15 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::machine::{Machine, MachineError};
 use host_gen::output::analysis::{Compared, Frequencies, PlantMatrices, Poles, Zeros, both_kinds};
+use host_gen::output::design::Designed;
 use host_gen::output::{self, Gains, Generated, Modes, Simulated};
 use host_gen::robustness::monte_carlo;
-use host_gen::roll_off::RollOffError;
+use host_gen::shaping::{Shaped, ShapingError};
 use host_gen::simulation::{Comparison, compare};
 use host_gen::spectrum::{Criterion, Floor};
 use host_gen::study::{Study, StudyError};
 use host_gen::table::emit;
-use indicatif::ProgressBar;
+use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use shared::table::ValidTable;
 
@@ -70,7 +71,12 @@ enum Command {
     ///
     /// Example: host-gen compare models/metrology-frame.toml models/smaller-basis.toml
     Compare(Compare),
-    /// Everything: modes, gains, roll-off, table, software in the loop.
+    /// The controller for the sampled board beside the ideal one: shapes,
+    /// isolation by mode, margins, delay, what another board would give.
+    ///
+    /// Example: host-gen design models/metrology-frame.toml --chart
+    Design(DesignArguments),
+    /// Everything: modes, gains, shaping, table, software in the loop.
     ///
     /// Example: host-gen generate models/metrology-frame.toml
     Generate(WithTable),
@@ -184,6 +190,15 @@ struct FloorChoice {
 }
 
 #[derive(Args)]
+struct DesignArguments {
+    #[command(flatten)]
+    common: Common,
+    /// Design for other sample rates and delays too: about a minute.
+    #[arg(long)]
+    chart: bool,
+}
+
+#[derive(Args)]
 struct PlantArguments {
     #[command(flatten)]
     common: Common,
@@ -207,7 +222,7 @@ enum Failure {
     #[error(transparent)]
     Machine(#[from] MachineError),
     #[error("{file}: {error}")]
-    RollOff { file: String, error: RollOffError },
+    Shaped { file: String, error: ShapingError },
     #[error("{path}: cannot be {what}: {error}")]
     Io {
         path: String,
@@ -265,6 +280,7 @@ fn run(command: &Command) -> Result<(), Failure> {
             let machines = machines.collect::<Result<_, _>>()?;
             print(arguments.format, &Compared::new(machines)?)
         }
+        Command::Design(arguments) => design(arguments),
         Command::Generate(arguments) => generate(arguments),
         Command::Check(arguments) => check(arguments),
         Command::Simulate(arguments) => simulate(arguments),
@@ -276,9 +292,9 @@ fn study(model: &Path) -> Result<Study, Failure> {
 }
 
 /// Says which file a loop's failure is about.
-fn in_loop(model: &Path) -> impl Fn(RollOffError) -> Failure {
+fn in_loop(model: &Path) -> impl Fn(ShapingError) -> Failure {
     let file = model.display().to_string();
-    move |error| Failure::RollOff {
+    move |error| Failure::Shaped {
         file: file.clone(),
         error,
     }
@@ -325,8 +341,8 @@ fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
     }
     // On standard error, and only where that is a terminal.
     let bar = ProgressBar::new(settings.samples as u64);
-    let (table, roll_off) = table(model, &study)?;
-    let result = monte_carlo(&study, &table, &roll_off.bands, || bar.inc(1));
+    let (table, shaped) = table(model, &study)?;
+    let result = monte_carlo(&study, &table, &shaped.bands, || bar.inc(1));
     bar.finish_and_clear();
     let result = result.map_err(in_study(model))?;
     print(
@@ -406,6 +422,27 @@ fn spectrum(path: &Path) -> Result<Floor, Failure> {
     Ok(Floor::Table(points))
 }
 
+fn design(arguments: &DesignArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let study = study(model)?;
+    let bar = search_bar();
+    let outcome = study
+        .table_with(&|| bar.inc(1))
+        .map_err(StudyError::from)
+        .and_then(|(table, shaped)| {
+            Designed::new(&study, &table, shaped, arguments.chart, &|| bar.inc(1))
+        });
+    bar.finish_and_clear();
+    print(*format, &outcome.map_err(in_study(model))?)
+}
+
+/// For a search: on standard error, and only where that is a terminal.
+fn search_bar() -> ProgressBar {
+    let bar = ProgressBar::new_spinner();
+    let style = ProgressStyle::with_template("{spinner} shaping the loop, {pos} trials, {elapsed}");
+    bar.with_style(style.expect("the template is right"))
+}
+
 fn plant(arguments: &PlantArguments) -> Result<(), Failure> {
     let machine = Machine::load(&arguments.common.model)?;
     let report = PlantMatrices::new(&machine)?;
@@ -431,10 +468,10 @@ fn generate(arguments: &WithTable) -> Result<(), Failure> {
     let model = &arguments.common.model;
     let study = study(model)?;
     let path = table_path(arguments, &study.machine)?;
-    let (table, roll_off) = table(model, &study)?;
+    let (table, shaped) = table(model, &study)?;
     let simulation = simulation(&study, &table);
     write_whole(&path, &emit(&study.machine, &table))?;
-    let report = Generated::new(&study, roll_off, path.display().to_string(), simulation);
+    let report = Generated::new(&study, shaped, path.display().to_string(), simulation);
     print(arguments.common.format, &report)
 }
 
@@ -519,19 +556,19 @@ fn simulate(arguments: &Simulate) -> Result<(), Failure> {
     if let Some(seed) = arguments.seed {
         settings.seed = seed;
     }
-    let (table, roll_off) = table(model, &study)?;
+    let (table, shaped) = table(model, &study)?;
     let simulation = simulation(&study, &table);
     print(
         arguments.common.format,
-        &Simulated::new(&study, roll_off, simulation),
+        &Simulated::new(&study, shaped, simulation),
     )
 }
 
-fn table(
-    model: &Path,
-    study: &Study,
-) -> Result<(ValidTable, host_gen::roll_off::RollOff), Failure> {
-    study.table().map_err(in_loop(model))
+fn table(model: &Path, study: &Study) -> Result<(ValidTable, Shaped), Failure> {
+    let bar = search_bar();
+    let outcome = study.table_with(&|| bar.inc(1));
+    bar.finish_and_clear();
+    outcome.map_err(in_loop(model))
 }
 
 fn simulation(study: &Study, table: &ValidTable) -> Comparison {

@@ -419,43 +419,58 @@ impl Plant {
 
     /// All transfer functions at `hz`.
     pub fn response(&self, hz: f64) -> Response<'_> {
-        let s = Complex::new(0.0, TAU * hz);
-        let [value, slope] = &self.slow;
-        // c·b/(s − λ) less its value and slope at zero.
-        let passes = |_, lambda: Complex<f64>| {
-            let ratio = s / lambda;
-            let gain = ratio * ratio / (s - lambda);
-            [gain, gain]
-        };
         Response {
-            direct: [Some((value, [Complex::ONE; 2])), Some((slope, [s; 2]))],
             terms: &self.terms,
-            gains: self.gains(passes),
+            part: continuous(&self.poles, &self.slow, hz, Complex::ONE),
+            sampled: None,
         }
     }
+}
 
-    /// Sum, and j times the difference, of what each pole and its conjugate
-    /// pass; `passes` gives, for a pole's index and λ or its conjugate, what
-    /// floor and forces are to be multiplied by.
-    fn gains(
-        &self,
-        passes: impl Fn(usize, Complex<f64>) -> [Complex<f64>; 2],
-    ) -> Vec<[[Complex<f64>; 2]; 2]> {
-        let j = Complex::new(0.0, 1.0);
-        let of = |(k, pole): (usize, &Pole)| {
-            let own = passes(k, pole.lambda);
-            if pole.pair {
-                let other = passes(k, pole.lambda.conj());
-                [0, 1].map(|group| {
-                    let (own, other) = (own[group], other[group]);
-                    [own + other, j * (own - other)]
-                })
-            } else {
-                own.map(|own| [own, Complex::ZERO])
-            }
-        };
-        self.poles.iter().enumerate().map(of).collect()
+/// The transfer functions of `poles` at `hz`, those of the forces times `hold`.
+fn continuous<'a>(
+    poles: &[Pole],
+    [value, slope]: &'a [DMatrix<f64>; 2],
+    hz: f64,
+    hold: Complex<f64>,
+) -> Part<'a> {
+    let s = Complex::new(0.0, TAU * hz);
+    // c·b/(s − λ) less its value and slope at zero.
+    let passes = |_, lambda: Complex<f64>| {
+        let ratio = s / lambda;
+        let gain = ratio * ratio / (s - lambda);
+        [gain, gain * hold]
+    };
+    Part {
+        direct: [
+            Some((value, [Complex::ONE, hold])),
+            Some((slope, [s, s * hold])),
+        ],
+        gains: gains(poles, passes),
     }
+}
+
+/// Sum, and j times the difference, of what each pole and its conjugate pass;
+/// `passes` gives, for a pole's index and λ or its conjugate, what floor and
+/// forces are to be multiplied by.
+fn gains(
+    poles: &[Pole],
+    passes: impl Fn(usize, Complex<f64>) -> [Complex<f64>; 2],
+) -> Vec<[[Complex<f64>; 2]; 2]> {
+    let j = Complex::new(0.0, 1.0);
+    let of = |(k, pole): (usize, &Pole)| {
+        let own = passes(k, pole.lambda);
+        if pole.pair {
+            let other = passes(k, pole.lambda.conj());
+            [0, 1].map(|group| {
+                let (own, other) = (own[group], other[group]);
+                [own + other, j * (own - other)]
+            })
+        } else {
+            own.map(|own| [own, Complex::ZERO])
+        }
+    };
+    poles.iter().enumerate().map(of).collect()
 }
 
 impl Terms {
@@ -500,9 +515,17 @@ impl Terms {
 /// computed when it is.
 #[derive(Clone, Debug)]
 pub struct Response<'a> {
+    terms: &'a Terms,
+    part: Part<'a>,
+    /// What samples of the sensors see of sampled forces, where they are.
+    sampled: Option<Part<'a>>,
+}
+
+/// What goes with the terms at one frequency.
+#[derive(Clone, Debug)]
+struct Part<'a> {
     /// What the poles' parts are added to.
     direct: [Option<Scaled<'a>>; 2],
-    terms: &'a Terms,
     /// By pole, for floor and forces: what goes with a term's outputs.
     gains: Vec<[[Complex<f64>; 2]; 2]>,
 }
@@ -516,26 +539,46 @@ pub type Gain = MatrixXx6<Complex<f64>>;
 impl Response<'_> {
     /// From floor accelerations to these rows.
     pub fn from_floor(&self, rows: Range<usize>) -> Gain {
-        self.block(rows, 0)
+        self.part.block(self.terms, rows, 0)
     }
 
-    /// From leg forces to these rows.
+    /// From leg forces to these rows: the sensors' or others.
     pub fn from_legs(&self, rows: Range<usize>) -> Gain {
-        self.block(rows, 1)
+        match &self.sampled {
+            Some(sampled) if rows.start < LEGS => sampled.block(self.terms, rows, 1),
+            _ => self.part.block(self.terms, rows, 1),
+        }
     }
 
     /// Leg forces to sensors, G22.
     pub fn g22(&self) -> Matrix6<Complex<f64>> {
-        self.block(0..LEGS, 1).fixed_rows::<LEGS>(0).into_owned()
+        self.from_legs(0..LEGS).fixed_rows::<LEGS>(0).into_owned()
     }
 
+    /// Floor accelerations to `rows` with the loop closed by σ = C·y.
+    pub fn close(&self, rows: Range<usize>, controller: &Matrix6<Complex<f64>>) -> Gain {
+        // σ = C·(1 − G22·C)⁻¹·G21·q̈_r
+        let difference = Matrix6::identity() - self.g22() * controller;
+        match difference.try_inverse() {
+            Some(inverse) => {
+                let g21 = self.from_floor(0..LEGS);
+                let force = controller * inverse * g21.fixed_rows::<LEGS>(0);
+                self.from_floor(rows.clone()) + self.from_legs(rows) * force
+            }
+            // Exactly on a closed-loop pole.
+            None => self.from_floor(rows).map(|_| Complex::from(f64::INFINITY)),
+        }
+    }
+}
+
+impl Part<'_> {
     /// These rows from the floor (`group` 0) or the forces (1).
-    fn block(&self, rows: Range<usize>, group: usize) -> Gain {
+    fn block(&self, terms: &Terms, rows: Range<usize>, group: usize) -> Gain {
         let Terms {
             poles,
             outputs,
             inputs,
-        } = self.terms;
+        } = terms;
         // Real and imaginary parts one above the other.
         let mut passed = DMatrix::<f64>::zeros(2 * rows.len(), poles.len());
         for (t, (mut column, &pole)) in passed.column_iter_mut().zip(poles).enumerate() {
@@ -564,21 +607,6 @@ impl Response<'_> {
             Complex::new(parts[(i, j)], parts[(rows.len() + i, j)])
         })
     }
-
-    /// Floor accelerations to `rows` with the loop closed by σ = C·y.
-    pub fn close(&self, rows: Range<usize>, controller: &Matrix6<Complex<f64>>) -> Gain {
-        // σ = C·(1 − G22·C)⁻¹·G21·q̈_r
-        let difference = Matrix6::identity() - self.g22() * controller;
-        match difference.try_inverse() {
-            Some(inverse) => {
-                let g21 = self.from_floor(0..LEGS);
-                let force = controller * inverse * g21.fixed_rows::<LEGS>(0);
-                self.from_floor(rows.clone()) + self.from_legs(rows) * force
-            }
-            // Exactly on a closed-loop pole.
-            None => self.from_floor(rows).map(|_| Complex::from(f64::INFINITY)),
-        }
-    }
 }
 
 /// Lightly damped poles, rad/s, as peaks: Hz and half width, Hz.
@@ -595,25 +623,44 @@ pub fn pole_peaks<'a>(poles: impl IntoIterator<Item = &'a Complex<f64>>) -> Vec<
 struct SampledPole {
     /// e^(λT).
     transition: Complex<f64>,
-    /// From an input held over the whole period.
-    whole: Complex<f64>,
-    /// From one held from its start until the latch.
+    /// From an input at the period's start and at its end, straight between.
+    now: Complex<f64>,
+    next: Complex<f64>,
+    /// From one held from the start until the latch.
     before: Complex<f64>,
-    /// From one held from the latch until its end.
+    /// From one held from the latch until the end.
+    after: Complex<f64>,
+    /// The mean over the period, from the state at its start and from the same
+    /// inputs.
+    mean: Means,
+}
+
+/// See [`SampledPole::mean`].
+#[derive(Clone, Copy, Debug)]
+struct Means {
+    state: Complex<f64>,
+    now: Complex<f64>,
+    next: Complex<f64>,
+    before: Complex<f64>,
     after: Complex<f64>,
 }
 
-/// (e^(λt) − 1)/λ, the effect of an input held for `t`, without taking nearly
-/// equal numbers from each other.
-fn held(lambda: Complex<f64>, t: f64) -> Complex<f64> {
-    let x = lambda * t;
-    let half = (0.5 * x.im).sin();
-    let real = x.re.exp_m1() * x.im.cos() - 2.0 * half * half;
-    let difference = Complex::new(real, x.re.exp() * x.im.sin());
-    if x == Complex::ZERO {
-        Complex::from(t)
+/// (eˣ − 1 − x − … − xⁿ⁻¹/(n−1)!)/xⁿ: integrals of eˣ over and over.
+fn phi(n: u32, x: Complex<f64>) -> Complex<f64> {
+    if x.norm() < 0.5 {
+        // Σ xᵏ/(k + n)!, to double precision.
+        let mut term = Complex::from(1.0 / (1..=n).map(f64::from).product::<f64>());
+        let mut sum = term;
+        for k in 1..16 {
+            term *= x / f64::from(k + n);
+            sum += term;
+        }
+        sum
+    } else if n == 0 {
+        x.exp()
     } else {
-        difference / lambda
+        let before = 1.0 / (1..n).map(f64::from).product::<f64>();
+        (phi(n - 1, x) - before) / x
     }
 }
 
@@ -623,16 +670,110 @@ fn held(lambda: Complex<f64>, t: f64) -> Complex<f64> {
 /// With a latch delay of m·T + θ, 0 ≤ θ < T, the force of sample k acts from
 /// (k + m)T + θ on. A sample sees what was latched before its instant; where a
 /// latch and a sample coincide the sample comes first, as it does on a board
-/// whose converter samples on the edge that also latches.
+/// whose converter samples on the edge that also latches. The floor moves
+/// straight from sample to sample.
+///
+/// Frequency responses from forces to sensors are from sample to sample; to all
+/// else they are to the continuous signal at that frequency, for the samples of
+/// an acceleration also hold the steps that the held forces make.
+///
+/// Amplifier and sensors with a bandwidth are first-order lags here, between
+/// converters and machine; the continuous plant does not have them.
 #[derive(Clone, Debug)]
 pub struct SampledPlant {
     poles: Vec<SampledPole>,
+    lagged: Lagged,
     /// m.
     pub(crate) whole_periods: usize,
+    /// θ/T.
+    part: f64,
     /// T, s.
     pub period: f64,
     /// The continuous plant.
     pub plant: Plant,
+}
+
+/// The plant between the converters: with the lags of amplifiers and sensors.
+#[derive(Clone, Debug)]
+struct Lagged {
+    poles: Vec<Pole>,
+    terms: Terms,
+    direct: DMatrix<f64>,
+    /// As [`Plant::slow`].
+    slow: [DMatrix<f64>; 2],
+}
+
+impl Lagged {
+    fn new(plant: &Plant, board: &Board) -> Self {
+        let mut lagged = Self {
+            poles: plant.poles.clone(),
+            terms: plant.terms.clone(),
+            direct: plant.state_space.d.clone(),
+            slow: plant.slow.clone(),
+        };
+        let [value, slope] = &mut lagged.slow;
+        // a/(s + a) is 1 − s/a + …
+        if let Some(hz) = board.actuator_bandwidth {
+            let mut slope = slope.columns_mut(LEGS, LEGS);
+            slope -= value.columns(LEGS, LEGS) / (TAU * hz);
+        }
+        if let Some(hz) = board.sensor.bandwidth {
+            let mut slope = slope.rows_mut(0, LEGS);
+            slope -= value.rows(0, LEGS) / (TAU * hz);
+        }
+        let real = |values: DVector<f64>| values.map(Complex::from);
+        let unit = |size, i| real(DVector::from_fn(size, |j, _| f64::from(u8::from(i == j))));
+        // a/(s + a)·1/(s − λ) in partial fractions, and the same for what is
+        // direct: the lag's own pole has the residue a·G(−a).
+        if let Some(hz) = board.actuator_bandwidth {
+            let a = TAU * hz;
+            let residue = lagged.at(-a) * a;
+            for pole in &mut lagged.poles {
+                let factor = a / (pole.lambda + a);
+                for input in pole.input.iter_mut().skip(LEGS) {
+                    *input *= factor;
+                }
+            }
+            lagged.direct.columns_mut(LEGS, LEGS).fill(0.0);
+            lagged.poles.extend((LEGS..INPUTS).map(|j| Pole {
+                lambda: Complex::from(-a),
+                pair: false,
+                input: unit(INPUTS, j),
+                output: real(residue.column(j).into_owned()),
+            }));
+        }
+        if let Some(hz) = board.sensor.bandwidth {
+            let a = TAU * hz;
+            let residue = lagged.at(-a) * a;
+            for pole in &mut lagged.poles {
+                let factor = a / (pole.lambda + a);
+                for output in pole.output.iter_mut().take(LEGS) {
+                    *output *= factor;
+                }
+            }
+            lagged.direct.rows_mut(0, LEGS).fill(0.0);
+            let outputs = lagged.direct.nrows();
+            lagged.poles.extend((0..LEGS).map(|i| Pole {
+                lambda: Complex::from(-a),
+                pair: false,
+                input: real(residue.row(i).transpose()),
+                output: unit(outputs, i),
+            }));
+        }
+        lagged.terms = Terms::new(&lagged.poles);
+        lagged
+    }
+
+    /// G(s) for a real s.
+    fn at(&self, s: f64) -> DMatrix<f64> {
+        let mut sum = self.direct.clone();
+        for pole in &self.poles {
+            let twice = if pole.pair { 2.0 } else { 1.0 };
+            let part = &pole.output * pole.input.transpose() * (twice / (s - pole.lambda));
+            sum += part.map(|z| z.re);
+        }
+        sum
+    }
 }
 
 /// The sampled plant as real matrices: a block of one or two states a pole.
@@ -640,14 +781,26 @@ pub(crate) struct SampledStateSpace {
     /// The diagonal blocks, by pole: first state, real and imaginary part of
     /// e^(λT), and whether there are two states.
     pub(crate) blocks: Vec<(usize, Complex<f64>, bool)>,
-    /// From floor accelerations held over the period.
-    pub(crate) floor: MatrixXx6<f64>,
-    /// From the forces latched in this period.
+    /// The change over a period.
+    pub(crate) change: ByInput,
+    /// All outputs at the start of a period from the states.
+    pub(crate) output: DMatrix<f64>,
+    /// The mean of all outputs over a period from the states at its start.
+    pub(crate) mean: DMatrix<f64>,
+    /// The same from the inputs.
+    pub(crate) mean_by: ByInput,
+}
+
+/// By what happens in a period.
+pub(crate) struct ByInput {
+    /// From floor accelerations at its start.
+    pub(crate) now: MatrixXx6<f64>,
+    /// At its end.
+    pub(crate) next: MatrixXx6<f64>,
+    /// From the forces latched in it.
     pub(crate) after: MatrixXx6<f64>,
     /// From the forces they take over from.
     pub(crate) before: MatrixXx6<f64>,
-    /// All outputs from the states.
-    pub(crate) output: DMatrix<f64>,
 }
 
 impl SampledPlant {
@@ -662,27 +815,49 @@ impl SampledPlant {
         } else {
             (periods.floor(), (periods - periods.floor()) * period)
         };
-        let poles = plant
+        let lagged = Lagged::new(&plant, board);
+        let poles = lagged
             .poles
             .iter()
             .map(|pole| {
-                let lambda = pole.lambda;
+                let x = pole.lambda * period;
                 let rest = period - part;
+                // Held for t, and the mean over the period of being held
+                // since a while t before its end.
+                let held = |t: f64| phi(1, pole.lambda * t) * t;
+                let since = |t: f64| phi(2, pole.lambda * t) * (t * t / period);
+                let ramp = phi(2, x) * period;
+                let mean_ramp = phi(3, x) * period;
                 SampledPole {
-                    transition: (lambda * period).exp(),
-                    whole: held(lambda, period),
-                    before: (lambda * rest).exp() * held(lambda, part),
-                    after: held(lambda, rest),
+                    transition: x.exp(),
+                    now: held(period) - ramp,
+                    next: ramp,
+                    before: (pole.lambda * rest).exp() * held(part),
+                    after: held(rest),
+                    mean: Means {
+                        state: phi(1, x),
+                        now: since(period) - mean_ramp,
+                        next: mean_ramp,
+                        before: since(period) - since(rest),
+                        after: since(rest),
+                    },
                 }
             })
             .collect();
         Self {
             poles,
+            lagged,
             // At most eight: checked with the file.
             whole_periods: whole_periods as usize,
+            part: part / period,
             period,
             plant,
         }
+    }
+
+    /// D of the outputs as the ADC sees them.
+    pub(crate) fn direct(&self) -> &DMatrix<f64> {
+        &self.lagged.direct
     }
 
     /// How many samples old the force is that a sample sees.
@@ -704,25 +879,32 @@ impl SampledPlant {
         let passes = |k: usize, lambda| {
             let pole = &self.poles[k];
             let of = |x: Complex<f64>| {
-                if lambda == self.plant.poles[k].lambda {
+                if lambda == self.lagged.poles[k].lambda {
                     x
                 } else {
                     x.conj()
                 }
             };
             let gain = (z - of(pole.transition)).inv();
-            [
-                gain * of(pole.whole),
-                gain * (of(pole.after) * delay + of(pole.before) * seen),
-            ]
+            let force = gain * (of(pole.after) * delay + of(pole.before) * seen);
+            [Complex::ZERO, force]
         };
+        // Latched, then held for T.
+        let turn = Complex::new(0.0, TAU * hz * self.period);
+        let hold = delay * (-turn * self.part).exp() * phi(1, -turn);
+        let Lagged {
+            poles,
+            terms,
+            direct,
+            slow,
+        } = &self.lagged;
         Response {
-            direct: [
-                Some((&self.plant.state_space.d, [Complex::ONE, seen])),
-                None,
-            ],
-            terms: &self.plant.terms,
-            gains: self.plant.gains(passes),
+            terms,
+            part: continuous(poles, slow, hz, hold),
+            sampled: Some(Part {
+                direct: [Some((direct, [Complex::ZERO, seen])), None],
+                gains: gains(poles, passes),
+            }),
         }
     }
 
@@ -730,46 +912,72 @@ impl SampledPlant {
     pub(crate) fn state_space(&self) -> SampledStateSpace {
         let mut blocks = Vec::new();
         let mut states = 0;
-        for (sampled, pole) in self.poles.iter().zip(&self.plant.poles) {
+        for (sampled, pole) in self.poles.iter().zip(&self.lagged.poles) {
             blocks.push((states, sampled.transition, pole.pair));
             states += 1 + usize::from(pole.pair);
         }
         let outputs = self.plant.state_space.c.nrows();
-        let mut floor = MatrixXx6::zeros(states);
-        let mut after = MatrixXx6::zeros(states);
-        let mut before = MatrixXx6::zeros(states);
         let mut output = DMatrix::zeros(outputs, states);
+        let mut mean = DMatrix::zeros(outputs, states);
+        let blank = |rows| MatrixXx6::zeros(rows);
+        let by_input = |rows| ByInput {
+            now: blank(rows),
+            next: blank(rows),
+            after: blank(rows),
+            before: blank(rows),
+        };
+        let mut change = by_input(states);
+        let mut mean_by = by_input(outputs);
         for ((sampled, pole), &(at, _, pair)) in
-            self.poles.iter().zip(&self.plant.poles).zip(&blocks)
+            self.poles.iter().zip(&self.lagged.poles).zip(&blocks)
         {
             for j in 0..LEGS {
                 let (by_floor, by_leg) = (pole.input[j], pole.input[LEGS + j]);
-                let put = |matrix: &mut MatrixXx6<f64>, x: Complex<f64>| {
+                let mut put = |matrix: fn(&mut ByInput) -> &mut MatrixXx6<f64>, x: Complex<f64>| {
+                    let matrix = matrix(&mut change);
                     matrix[(at, j)] = x.re;
                     if pair {
                         matrix[(at + 1, j)] = x.im;
                     }
                 };
-                put(&mut floor, sampled.whole * by_floor);
-                put(&mut after, sampled.after * by_leg);
-                put(&mut before, sampled.before * by_leg);
+                put(|by| &mut by.now, sampled.now * by_floor);
+                put(|by| &mut by.next, sampled.next * by_floor);
+                put(|by| &mut by.after, sampled.after * by_leg);
+                put(|by| &mut by.before, sampled.before * by_leg);
             }
             // y = output·ξ plus its conjugate for a pair.
-            for (i, c) in pole.output.iter().enumerate() {
-                if pair {
-                    output[(i, at)] = 2.0 * c.re;
-                    output[(i, at + 1)] = -2.0 * c.im;
-                } else {
-                    output[(i, at)] = c.re;
+            let twice = if pair { 2.0 } else { 1.0 };
+            for (i, &c) in pole.output.iter().enumerate() {
+                let c = twice * c;
+                let put = |matrix: &mut DMatrix<f64>, c: Complex<f64>| {
+                    matrix[(i, at)] = c.re;
+                    if pair {
+                        matrix[(i, at + 1)] = -c.im;
+                    }
+                };
+                put(&mut output, c);
+                put(&mut mean, c * sampled.mean.state);
+                for j in 0..LEGS {
+                    let (by_floor, by_leg) = (c * pole.input[j], c * pole.input[LEGS + j]);
+                    mean_by.now[(i, j)] += (by_floor * sampled.mean.now).re;
+                    mean_by.next[(i, j)] += (by_floor * sampled.mean.next).re;
+                    mean_by.after[(i, j)] += (by_leg * sampled.mean.after).re;
+                    mean_by.before[(i, j)] += (by_leg * sampled.mean.before).re;
                 }
             }
         }
+        let by_floor = self.lagged.direct.fixed_columns::<LEGS>(0);
+        let by_leg = self.lagged.direct.fixed_columns::<LEGS>(LEGS);
+        mean_by.now += by_floor * 0.5;
+        mean_by.next += by_floor * 0.5;
+        mean_by.after += by_leg * (1.0 - self.part);
+        mean_by.before += by_leg * self.part;
         SampledStateSpace {
             blocks,
-            floor,
-            after,
-            before,
+            change,
             output,
+            mean,
+            mean_by,
         }
     }
 }

@@ -6,12 +6,13 @@ use rayon::prelude::*;
 use serde::Serialize;
 use shared::table::ValidTable;
 
-use crate::closed_loop::{LinearLaw, LoopGrid, SampledLoop, corner, grid, highest_db, stable};
+use crate::closed_loop::{LoopGrid, SampledLoop, corner, grid, highest_db, stable};
 use crate::design::{Design, ideal_poles};
+use crate::law::LinearLaw;
 use crate::machine::{Machine, Robustness};
 use crate::multibody::Multibody;
 use crate::plant::{Plant, SampledPlant, pole_peaks};
-use crate::roll_off::{Band, LOWEST, RollOffError, isolation_band};
+use crate::shaping::{Band, SLOWEST, ShapingError, isolation_band};
 use crate::study::{Study, StudyError};
 
 /// Smallest, nominal and largest value over all samples.
@@ -140,7 +141,7 @@ impl Sample {
         let design = Design::new(&machine, &model, study.design.feedback)?;
         let plant = Plant::new(&machine, &model, &design)?;
         let ideal =
-            ideal_poles(&plant.state_space, &study.gains).ok_or(RollOffError::Eigenvalues)?;
+            ideal_poles(&plant.state_space, &study.gains).ok_or(ShapingError::Eigenvalues)?;
         let open = plant
             .poles
             .iter()
@@ -152,11 +153,11 @@ impl Sample {
             plant: &sampled,
             law,
         };
-        let poles = closed.poles().ok_or(RollOffError::Eigenvalues)?;
+        let poles = closed.poles().ok_or(ShapingError::Eigenvalues)?;
         let frequency = machine.target.frequency;
-        // The controller's own modal coordinates.
-        let loops = LoopGrid::new(&sampled, &study.design.modal, LOWEST * frequency);
         let peaks = pole_peaks(&poles);
+        // The controller's own modal coordinates.
+        let loops = LoopGrid::new(&sampled, &study.design.modal, SLOWEST * frequency, &peaks);
         let [low, high] = isolation_band(&design, frequency);
         let rows = sampled.plant.performance();
         let upper = |poles: &[nalgebra::Complex<f64>]| {

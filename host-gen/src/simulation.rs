@@ -4,7 +4,7 @@
 use core::ops::Range;
 use std::collections::VecDeque;
 
-use nalgebra::{Complex, DMatrix, DVectorView, MatrixXx6};
+use nalgebra::{Complex, DMatrix, DVectorView};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -15,7 +15,7 @@ use shared::step::{State, step};
 use shared::table::ValidTable;
 
 use crate::machine::{Board, Simulation};
-use crate::plant::{SampledPlant, SampledStateSpace};
+use crate::plant::{ByInput, SampledPlant, SampledStateSpace};
 
 /// White noise, then two second-order Butterworth filters at the band's ends.
 struct BandNoise {
@@ -141,16 +141,17 @@ pub struct Rig {
     board: Board,
     /// The plant's poles, as [`SampledStateSpace::blocks`].
     poles: Vec<(usize, Complex<f64>, bool)>,
-    /// Sensors and performance, which are the plant's first rows, from the
-    /// state, then from floor and forces.
-    outputs: [Blocks; 2],
-    /// The state's change over a period from floor and forces, and from the
-    /// forces that those take over from; none if they are latched as the period
-    /// begins.
-    inputs: (Blocks, Option<Blocks>),
+    /// The sensors from the state, then from floor and forces.
+    sensors: [Blocks; 2],
+    /// The mean performance from the state, and from what happens in a period.
+    performance: [Blocks; 2],
+    /// The state's change from what happens in a period.
+    change: Blocks,
+    /// Whether forces take over within a period, and not as it begins.
+    within: bool,
     state: Vec<[f64; BLOCK]>,
-    outputs_now: Vec<[f64; BLOCK]>,
-    performance: Range<usize>,
+    performance_now: Vec<[f64; BLOCK]>,
+    count: usize,
     /// Forces latched or on their way, the latest first.
     forces: VecDeque<[f64; LEGS]>,
     floor_noise: BandNoise,
@@ -158,7 +159,8 @@ pub struct Rig {
     input_noise: f64,
     sensor_noise: ChaCha8Rng,
     output_noise: ChaCha8Rng,
-    floor: [f64; LEGS],
+    /// Now and at the next sample.
+    floor: [[f64; LEGS]; 2],
     /// Scales the floor from here on; 1 at first.
     pub floor_gain: f64,
 }
@@ -168,21 +170,22 @@ impl Rig {
     pub fn new(plant: SampledPlant, board: &Board, settings: &Simulation) -> Self {
         let SampledStateSpace {
             blocks: poles,
-            floor,
-            after,
-            before,
+            change,
             output,
+            mean,
+            mean_by,
         } = plant.state_space();
-        let performance = plant.plant.performance();
-        let shown = 0..performance.end;
-        let beside = |left: &MatrixXx6<f64>, right: &MatrixXx6<f64>| {
-            let columns: Vec<_> = left.column_iter().chain(right.column_iter()).collect();
+        let rows = |matrix: &DMatrix<f64>, rows: Range<usize>| matrix.rows_range(rows).into_owned();
+        // The forces they take over from come last: often they do not count.
+        let within = change.before.amax() > 0.0;
+        let in_period = |by: &ByInput| {
+            let parts = [&by.now, &by.next, &by.after, &by.before];
+            let parts = &parts[..if within { 4 } else { 3 }];
+            let columns: Vec<_> = parts.iter().flat_map(|part| part.column_iter()).collect();
             DMatrix::from_columns(&columns)
         };
-        let outputs = [
-            output.rows_range(shown.clone()).into_owned(),
-            plant.plant.state_space.d.rows_range(shown).into_owned(),
-        ];
+        let shown = plant.plant.performance();
+        let sensed = plant.plant.sensors();
         let stream = |number| {
             let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
             random.set_stream(number);
@@ -193,24 +196,25 @@ impl Rig {
         let blank = |rows: usize| vec![[0.0; BLOCK]; rows.div_ceil(BLOCK)];
         Self {
             state: blank(output.ncols()),
-            outputs_now: blank(performance.end),
-            performance,
+            performance_now: blank(shown.len()),
+            count: shown.len(),
             poles,
-            outputs: outputs.map(|matrix| Blocks::new(&matrix)),
-            inputs: (
-                Blocks::new(&beside(&floor, &after)),
-                (before.amax() > 0.0).then(|| {
-                    Blocks::new(&DMatrix::from_columns(
-                        &before.column_iter().collect::<Vec<_>>(),
-                    ))
-                }),
-            ),
+            sensors: [
+                Blocks::new(&rows(&output, sensed.clone())),
+                Blocks::new(&rows(plant.direct(), sensed)),
+            ],
+            performance: [
+                Blocks::new(&rows(&mean, shown.clone())),
+                Blocks::new(&rows(&in_period(&mean_by), shown)),
+            ],
+            change: Blocks::new(&in_period(&change)),
+            within,
             forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
             floor_noise: BandNoise::new(settings, plant.period, stream(0)),
             input_noise: (sensor * board.sensor.sensitivity).hypot(board.adc_noise),
             sensor_noise: stream(1),
             output_noise: stream(2),
-            floor: [0.0; LEGS],
+            floor: [[0.0; LEGS]; 2],
             floor_gain: 1.0,
             board: *board,
             plant,
@@ -222,30 +226,25 @@ impl Rig {
         &self.plant
     }
 
-    /// The next sampling instant: the codes the ADC gives, and the performance
-    /// accelerations, m/s².
-    pub fn sample(&mut self) -> ([AdcCode; LEGS], DVectorView<'_, f64>) {
-        self.floor = self.floor_noise.sample().map(|x| x * self.floor_gain);
+    /// The next sampling instant: the codes the ADC gives.
+    pub fn sample(&mut self) -> [AdcCode; LEGS] {
+        let next = self.floor_noise.sample().map(|x| x * self.floor_gain);
+        self.floor = [self.floor[1], next];
         let seen = self.forces[self.plant.whole_periods];
-        let [from_state, direct] = &self.outputs;
-        let y = &mut self.outputs_now;
-        y.fill([0.0; BLOCK]);
-        from_state.add_product(self.state.as_flattened(), y);
-        direct.add_product([self.floor, seen].as_flattened(), y);
-        let y = y.as_flattened();
+        let [from_state, direct] = &self.sensors;
+        let mut y = [[0.0; BLOCK]];
+        from_state.add_product(self.state.as_flattened(), &mut y);
+        direct.add_product([self.floor[0], seen].as_flattened(), &mut y);
         let Board { sensor, adc, .. } = &self.board;
-        let codes = core::array::from_fn(|i| {
+        core::array::from_fn(|i| {
             let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
-            adc.code(y[i] * sensor.sensitivity + sensor.offset + self.input_noise * normal)
-        });
-        (
-            codes,
-            DVectorView::from_slice(&y[self.performance.clone()], self.performance.len()),
-        )
+            adc.code(y[0][i] * sensor.sensitivity + sensor.offset + self.input_noise * normal)
+        })
     }
 
-    /// Latches `dac` in its turn and lets the period pass.
-    pub fn advance(&mut self, dac: [DacCode; LEGS]) {
+    /// Latches `dac` in its turn and lets the period pass; gives the means of
+    /// the performance accelerations over it, m/s².
+    pub fn advance(&mut self, dac: [DacCode; LEGS]) -> DVectorView<'_, f64> {
         let board = &self.board;
         let force = dac.map(|code| {
             let normal: f64 = StandardNormal.sample(&mut self.output_noise);
@@ -255,6 +254,16 @@ impl Rig {
         self.forces.pop_back();
         self.forces.push_front(force);
         let late = self.plant.whole_periods;
+        let [now, next] = self.floor;
+        let inputs = [now, next, self.forces[late], self.forces[late + 1]];
+        let inputs = inputs[..if self.within { 4 } else { 3 }].as_flattened();
+
+        let [from_state, from_inputs] = &self.performance;
+        let mean = &mut self.performance_now;
+        mean.fill([0.0; BLOCK]);
+        from_state.add_product(self.state.as_flattened(), mean);
+        from_inputs.add_product(inputs, mean);
+
         let x = self.state.as_flattened_mut();
         for &(at, z, pair) in &self.poles {
             if pair {
@@ -265,14 +274,11 @@ impl Rig {
                 x[at] *= z.re;
             }
         }
-        let (inputs, before) = &self.inputs;
-        inputs.add_product(
-            [self.floor, self.forces[late]].as_flattened(),
-            &mut self.state,
-        );
-        if let Some(before) = before {
-            before.add_product(&self.forces[late + 1], &mut self.state);
-        }
+        self.change.add_product(inputs, &mut self.state);
+        DVectorView::from_slice(
+            &self.performance_now.as_flattened()[..self.count],
+            self.count,
+        )
     }
 }
 
@@ -316,7 +322,7 @@ pub fn run(
     let safe = table.safe_codes();
     let mut state = None;
     for k in 0..settling + run.steps {
-        let (adc, performance) = rig.sample();
+        let adc = rig.sample();
         let mut dac = safe;
         if closed {
             let state = state.get_or_insert_with(|| State::settled_on(table, adc));
@@ -327,6 +333,7 @@ pub fn run(
                 run.railed_steps += usize::from(output.status.sensors_at_rail != 0);
             }
         }
+        let performance = rig.advance(dac);
         if k >= settling {
             for (i, x) in performance.iter().enumerate() {
                 run.rms[i] += x * x;
@@ -337,7 +344,6 @@ pub fn run(
                 run.force_peak = run.force_peak.max(force.abs());
             }
         }
-        rig.advance(dac);
     }
     for rms in &mut run.rms {
         *rms = (*rms / run.steps as f64).sqrt();

@@ -12,10 +12,11 @@ use serde::Serialize;
 use shared::LEGS;
 use shared::table::ValidTable;
 
-use crate::closed_loop::{LinearLaw, SampledLoop, grid};
+use crate::closed_loop::{SampledLoop, grid};
+use crate::law::LinearLaw;
 use crate::machine::Board;
 use crate::plant::{Gain, SampledPlant, pole_peaks};
-use crate::roll_off::RollOffError;
+use crate::shaping::ShapingError;
 
 /// Bandwidth of a one-third-octave band over its centre, 2^(1/6) − 2^(−1/6).
 const THIRD: f64 = 0.231_563;
@@ -157,12 +158,12 @@ pub fn budget(
     table: Option<&ValidTable>,
     floor: &Floor,
     [low, high]: [f64; 2],
-) -> Result<Budget, RollOffError> {
+) -> Result<Budget, ShapingError> {
     let law = table.map(LinearLaw::new);
     let mut peaks = plant.plant.peaks();
     if let Some(law) = law {
         let poles = SampledLoop { plant, law }.poles();
-        peaks = pole_peaks(&poles.ok_or(RollOffError::Eigenvalues)?);
+        peaks = pole_peaks(&poles.ok_or(ShapingError::Eigenvalues)?);
     }
     // Resonances wide enough for the integral: their flanks fall as 1/f².
     let flanks: Vec<_> = peaks

@@ -4,7 +4,7 @@ use crate::design::{Design, Gains};
 use crate::machine::{Machine, MachineError};
 use crate::multibody::Multibody;
 use crate::plant::{Plant, SampledPlant};
-use crate::roll_off::{RollOff, RollOffError, choose};
+use crate::shaping::{Shaped, ShapingError, choose};
 use shared::table::ValidTable;
 
 /// Why a study, or what is done with its loop, comes to nothing.
@@ -15,7 +15,7 @@ pub enum StudyError {
     Machine(#[from] MachineError),
     /// The loop.
     #[error(transparent)]
-    Loop(#[from] RollOffError),
+    Loop(#[from] ShapingError),
 }
 
 /// A machine with its model, its design for the target, and its plant.
@@ -49,8 +49,13 @@ impl Study {
         })
     }
 
-    /// The table with the roll-off that the sampled loop bears.
-    pub fn table(&self) -> Result<(ValidTable, RollOff), RollOffError> {
-        choose(&self.machine, &self.design, &self.plant)
+    /// The table with the shaping that the sampled loop bears.
+    pub fn table(&self) -> Result<(ValidTable, Shaped), ShapingError> {
+        self.table_with(&|| {})
+    }
+
+    /// The same; `progress` is called after every trial.
+    pub fn table_with(&self, progress: &dyn Fn()) -> Result<(ValidTable, Shaped), ShapingError> {
+        choose(&self.machine, &self.design, &self.plant, progress)
     }
 }

@@ -4,14 +4,17 @@ use std::fmt::Write as _;
 
 use nalgebra::Matrix6;
 use shared::LEGS;
-use shared::table::{FORMAT_VERSION, Feedback, Law, Shaping, Table, TableError, ValidTable};
+use shared::table::{
+    Channel, Direct, FORMAT_VERSION, Feedback, Law, Modal, Paths, Table, TableError, ValidTable,
+};
 
-use crate::design::Gains;
+use crate::design::{Design, Gains, ModalTransform};
 use crate::machine::{Machine, Target};
+use crate::shape::Shape;
 
 /// AC coupling sits this far below ω_n, where it costs the lower crossover
 /// little phase.
-pub const AC_COUPLING: f64 = 0.1;
+pub const AC_COUPLING: f64 = 0.05;
 
 /// The integral leaks this far below ω_n.
 pub const LEAK: f64 = 0.01;
@@ -22,19 +25,69 @@ pub fn coefficient(hz: f64, period: f64) -> f64 {
 }
 
 /// The table of a machine with the `gains` for `target` and a roll-off at
-/// `roll_off` Hz.
-///
-/// The clamp's excess leaves the integral with time constant 1/ω_n.
-pub fn build(
+/// `roll_off` Hz, common to all channels.
+pub fn direct(
     machine: &Machine,
     target: &Target,
     gains: &Gains,
     roll_off: f64,
 ) -> Result<ValidTable, TableError> {
+    let period = machine.board.period();
+    let single = |m: &Matrix6<f64>| m.map(|x| x as f32);
+    let paths = Paths::Direct(Direct {
+        roll_off: coefficient(roll_off, period) as f32,
+        proportional: single(&gains.proportional),
+        integral: single(&(gains.integral * (0.5 * period))),
+    });
+    with_paths(machine, target, paths)
+}
+
+/// The table of a machine with `shapes` for the modes of its design model.
+pub fn modal(
+    machine: &Machine,
+    design: &Design,
+    target: &Target,
+    shapes: &[Shape; LEGS],
+) -> Result<ValidTable, TableError> {
+    with_paths(
+        machine,
+        target,
+        Paths::Modal(modal_paths(machine, design, target, shapes)),
+    )
+}
+
+/// The modes' gains with their sections: Eqs. (19) to (22) in the coordinates
+/// of Eq. (17).
+pub fn modal_paths(
+    machine: &Machine,
+    design: &Design,
+    target: &Target,
+    shapes: &[Shape; LEGS],
+) -> Modal {
+    let period = machine.board.period();
+    let omega = target.omega();
+    let ModalTransform { input, output } = design.transform();
+    let channel = |i: usize| {
+        let whole = (design.omega[i] / omega).powi(2);
+        Channel {
+            sections: shapes[i].sections(period),
+            proportional: (whole - 1.0) as f32,
+            integral: (2.0 * target.damping * omega * whole * 0.5 * period) as f32,
+        }
+    };
+    Modal {
+        input: input.map(|x| x as f32),
+        channels: core::array::from_fn(channel),
+        sections: Shape::SECTIONS,
+        output: output.map(|x| x as f32),
+    }
+}
+
+/// The clamp's excess leaves the integral with time constant 1/ω_n.
+fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidTable, TableError> {
     let board = &machine.board;
     let period = board.period();
     let frequency = target.frequency;
-    let single = |m: &Matrix6<f64>| m.map(|x| x as f32);
     Table {
         version: FORMAT_VERSION,
         model: machine.digest,
@@ -42,13 +95,9 @@ pub fn build(
         feedback: target.feedback,
         sensors: [board.adc.calibration(board.sensor.sensitivity); LEGS],
         adc_max: board.adc.max(),
-        shaping: Shaping {
-            ac_coupling: coefficient(AC_COUPLING * frequency, period) as f32,
-            roll_off: coefficient(roll_off, period) as f32,
-        },
+        ac_coupling: coefficient(AC_COUPLING * frequency, period) as f32,
         law: Law {
-            proportional: single(&gains.proportional),
-            integral: single(&(gains.integral * (0.5 * period))),
+            paths,
             leak: coefficient(LEAK * frequency, period) as f32,
             anti_windup: coefficient(frequency, period) as f32,
         },
@@ -63,9 +112,9 @@ pub fn build(
 pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     let t = table.get();
     let mut out = String::new();
-    let (sensor_unit, gain_names) = match t.feedback {
-        Feedback::Acceleration => ("m/s²", ("K_a, N/(m/s²)", "K_v·T/2, N/(m/s²)")),
-        Feedback::Force => ("N", ("K_P", "K_I·T/2")),
+    let sensor_unit = match t.feedback {
+        Feedback::Acceleration => "m/s²",
+        Feedback::Force => "N",
     };
     // Writing to a String cannot fail.
     let mut line = |text: &str| writeln!(out, "{text}").unwrap_or_default();
@@ -79,7 +128,14 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     line("");
     line("use nalgebra::matrix;");
     line("use shared::codes::{AdcCode, Calibration, DacCode, Drive};");
-    line("use shared::table::{Feedback, Law, ModelDigest, Shaping, Table, ValidTable};");
+    line(match &t.law.paths {
+        Paths::Direct(_) => {
+            "use shared::table::{Direct, Feedback, Law, ModelDigest, Paths, Table, ValidTable};"
+        }
+        Paths::Modal(_) => {
+            "use shared::table::{\n    Channel, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,\n};"
+        }
+    });
     line("");
     line("/// The table, checked by the compiler.");
     line("#[rustfmt::skip]");
@@ -104,25 +160,11 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     }
     line("    ],");
     line(&format!("    adc_max: AdcCode({}),", t.adc_max.0));
-    line("    shaping: Shaping {");
-    line(&format!(
-        "        ac_coupling: {:?},",
-        t.shaping.ac_coupling
-    ));
-    line(&format!("        roll_off: {:?},", t.shaping.roll_off));
-    line("    },");
+    line(&format!("    ac_coupling: {:?},", t.ac_coupling));
     line("    law: Law {");
-    for (field, name, m) in [
-        ("proportional", gain_names.0, &t.law.proportional),
-        ("integral", gain_names.1, &t.law.integral),
-    ] {
-        line(&format!("        // {name}"));
-        line(&format!("        {field}: matrix!["));
-        for row in m.row_iter() {
-            let row: Vec<_> = row.iter().map(|x| format!("{x:?}")).collect();
-            line(&format!("            {};", row.join(", ")));
-        }
-        line("        ],");
+    match &t.law.paths {
+        Paths::Direct(direct) => emit_direct(&mut line, direct, t.feedback),
+        Paths::Modal(modal) => emit_modal(&mut line, modal, t.feedback),
     }
     line(&format!("        leak: {:?},", t.law.leak));
     line(&format!("        anti_windup: {:?},", t.law.anti_windup));
@@ -144,4 +186,56 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     line("    Err(_) => panic!(\"this table was edited by hand\"),");
     line("};");
     out
+}
+
+fn emit_matrix(line: &mut impl FnMut(&str), field: &str, comment: &str, m: &Matrix6<f32>) {
+    line(&format!("            // {comment}"));
+    line(&format!("            {field}: matrix!["));
+    for row in m.row_iter() {
+        let row: Vec<_> = row.iter().map(|x| format!("{x:?}")).collect();
+        line(&format!("                {};", row.join(", ")));
+    }
+    line("            ],");
+}
+
+fn emit_direct(line: &mut impl FnMut(&str), direct: &Direct, feedback: Feedback) {
+    let [proportional, integral] = match feedback {
+        Feedback::Acceleration => ["K_a, N/(m/s²)", "K_v·T/2, N/(m/s²)"],
+        Feedback::Force => ["K_P", "K_I·T/2"],
+    };
+    line("        paths: Paths::Direct(Direct {");
+    line(&format!("            roll_off: {:?},", direct.roll_off));
+    emit_matrix(line, "proportional", proportional, &direct.proportional);
+    emit_matrix(line, "integral", integral, &direct.integral);
+    line("        }),");
+}
+
+fn emit_modal(line: &mut impl FnMut(&str), modal: &Modal, feedback: Feedback) {
+    let input = match feedback {
+        Feedback::Acceleration => "T_in, m/s² to √kg·m/s²",
+        Feedback::Force => "T_in, N to N/√kg",
+    };
+    line("        paths: Paths::Modal(Modal {");
+    emit_matrix(line, "input", input, &modal.input);
+    line("            channels: [");
+    for channel in &modal.channels {
+        line("                Channel {");
+        line("                    sections: [");
+        for s in &channel.sections {
+            line(&format!(
+                "                        Section {{ rate: {:?}, damping: {:?}, direct: {:?}, band: {:?}, low: {:?} }},",
+                s.rate, s.damping, s.direct, s.band, s.low
+            ));
+        }
+        line("                    ],");
+        line(&format!(
+            "                    proportional: {:?}, integral: {:?},",
+            channel.proportional, channel.integral
+        ));
+        line("                },");
+    }
+    line("            ],");
+    line(&format!("            sections: {},", modal.sections));
+    emit_matrix(line, "output", "T_out, N/√kg to N", &modal.output);
+    line("        }),");
 }

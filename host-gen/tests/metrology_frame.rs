@@ -143,8 +143,8 @@ fn ideal_loops_as_in_figure_5() {
 /// damping 0.7.
 #[test]
 fn ideal_isolation() {
-    let (_, roll_off) = frame().table().unwrap();
-    let off = |i: usize| roll_off.bands[i].open_db - roll_off.bands[i].ideal_db;
+    let (_, shaped) = frame().table().unwrap();
+    let off = |i: usize| shaped.bands[i].open_db - shaped.bands[i].ideal_db;
     assert_digits(off(0), "68");
     assert_digits(off(1), "32");
 }

@@ -491,8 +491,8 @@ fn one_body_without_a_lens() {
     let zeros =
         host_gen::zeros::transmission_zeros(&study.plant.plant.state_space, study.design.feedback);
     assert_eq!(zeros.unwrap().len(), 0, "no internal modes, no zeros");
-    let (table, roll_off) = study.table().unwrap();
-    assert!(roll_off.peak_sensitivity.value <= 2.0);
+    let (table, shaped) = study.table().unwrap();
+    assert!(shaped.peak_sensitivity.value <= 2.0);
     let run = |closed| {
         let settings = &study.machine.simulation;
         host_gen::simulation::run(&study.plant, &study.machine.board, settings, &table, closed)

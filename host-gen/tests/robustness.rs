@@ -3,15 +3,16 @@
 mod common;
 
 use common::{edited, study};
-use host_gen::closed_loop::{LinearLaw, SampledLoop};
+use host_gen::closed_loop::SampledLoop;
+use host_gen::law::LinearLaw;
 use host_gen::robustness::{Robust, monte_carlo};
 use host_gen::study::Study;
 use nalgebra::Complex;
 
 fn run(edits: &[(&str, &str)]) -> (Study, Robust) {
     let study = study(&edited(edits));
-    let (table, roll_off) = study.table().unwrap();
-    let robust = monte_carlo(&study, &table, &roll_off.bands, || {}).unwrap();
+    let (table, shaped) = study.table().unwrap();
+    let robust = monte_carlo(&study, &table, &shaped.bands, || {}).unwrap();
     (study, robust)
 }
 
@@ -26,16 +27,16 @@ fn without_variation_nothing_moves() {
         ("robustness.samples", "3"),
     ]);
     assert_eq!((robust.stable, robust.samples), (3, 3));
-    let (_, roll_off) = study.table().unwrap();
+    let (_, shaped) = study.table().unwrap();
     let spread = robust.peak_sensitivity;
     assert_eq!((spread.min, spread.max), (spread.nominal, spread.nominal));
-    assert!((spread.nominal - roll_off.peak_sensitivity.value).abs() < 1e-9);
+    assert!((spread.nominal - shaped.peak_sensitivity.value).abs() < 1e-9);
     for (moving, hz) in robust.open.iter().zip(study.model.modes().hertz()) {
         assert_eq!(moving.hz.min, moving.hz.max);
         assert!((moving.hz.nominal / hz - 1.0).abs() < 1e-9);
     }
     // The grid of the run is coarser than the search's.
-    for (band, expected) in robust.bands.iter().zip(&roll_off.bands) {
+    for (band, expected) in robust.bands.iter().zip(&shaped.bands) {
         assert!((band.sampled_db.nominal - expected.sampled_db).abs() < 0.05);
     }
 }

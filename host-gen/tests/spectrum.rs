@@ -92,14 +92,14 @@ fn the_budget_is_what_the_simulation_shows() {
         let settings = Simulation {
             duration: 40.0,
             settling: 20.0,
-            floor_rms: if source == 0 { 1e-2 } else { 0.0 },
+            floor_rms: if source == 0 { 2e-3 } else { 0.0 },
             floor_band: [5.0, 60.0],
             seed: 2,
         };
         let board = &mut study.machine.board;
         // Loud enough that rounding to codes does not count.
-        board.sensor.noise_density = if source == 1 { 1e-5 } else { 0.0 };
-        board.adc_noise = if source == 2 { 20e-3 } else { 0.0 };
+        board.sensor.noise_density = if source == 1 { 2e-6 } else { 0.0 };
+        board.adc_noise = if source == 2 { 4e-3 } else { 0.0 };
         board.dac_noise = if source == 3 { 10e-3 } else { 0.0 };
         let board = &study.machine.board;
         let [low, high] = settings.floor_band;
@@ -114,15 +114,22 @@ fn the_budget_is_what_the_simulation_shows() {
         );
         let budget = budget(&study.plant, board, Some(&table), &floor, [0.3, 9000.0]).unwrap();
         let run = run(&study.plant, board, &settings, &table, true);
-        assert_eq!(run.clamped_steps, 0);
+        assert_eq!(
+            run.clamped_steps, 0,
+            "source {source}, {} N",
+            run.force_peak
+        );
         for row in [0, 2, 4] {
             let powers = budget.power(&budget.performance[row], 0.3, 9000.0);
             let share = powers[source] / powers.iter().sum::<f64>();
             assert!(share > 0.95, "source {source}, output {row}: {share}");
             let ratio = run.rms[row] / powers.iter().sum::<f64>().sqrt();
+            // Held noise has a quarter of its power above half the sample rate.
+            // The means over a period keep it, the budget up to 9 kHz does not.
+            let above = if source == 3 { 1.13 } else { 1.0 };
             // Forty seconds of a process a hertz wide and more: some per cent.
             assert!(
-                (ratio - 1.0).abs() < 0.1,
+                (0.9..1.1 * above).contains(&ratio),
                 "source {source}, output {row}: {ratio}"
             );
         }

@@ -5,11 +5,30 @@
 //! ```text
 //! h1 += c_ac·(y − h1)          v = y − h1       AC coupling, twice
 //! h2 += c_ac·(v − h2)          w = v − h2       (each with the state before)
+//! ```
+//!
+//! then, through the matrices of Eq. (14),
+//!
+//! ```text
 //! r  += c_ro·(w − r)                            roll-off
 //! x  += −leak·x + K_i·(r + r_before)            leaky trapezoidal integral, N
 //! u   = injection − x − K_p·r                   Eqs. (14), (21), (22)
+//! ```
+//!
+//! or through the modes,
+//!
+//! ```text
+//! r   = sections(T_in·w)                        by channel
+//! x  += −leak·x + k_i·(r + r_before)            N/√kg
+//! u   = injection + T_out·(−x − k_p·r)
+//! ```
+//!
+//! and at last
+//!
+//! ```text
 //! σ   = α·u,  α = min(1, limit_i/|u_i|)         clamp that keeps the direction
-//! x  += anti_windup·(u − σ)                     only where α < 1
+//! x  += anti_windup·(u − σ)                     only where α < 1; by mode with
+//!                                               what the channel itself asks
 //! ```
 //!
 //! Configuration ([`ValidTable`]) is immutable and apart from [`State`].
@@ -20,7 +39,7 @@ use nalgebra::Matrix6;
 
 use crate::LEGS;
 use crate::codes::{AdcCode, DacCode, LegForces};
-use crate::table::{Law, ValidTable};
+use crate::table::{Direct, Law, Modal, Paths, SECTIONS, Section, ValidTable};
 
 type Six = [f32; LEGS];
 
@@ -29,21 +48,24 @@ type Six = [f32; LEGS];
 pub struct State {
     /// The two AC-coupling averages, sensor units.
     averages: [Six; 2],
-    pi: PiState,
+    law: LawState,
 }
 
-/// The memory of [`pi`].
+/// The memory of [`force`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PiState {
-    /// The rolled-off sample before, sensor units.
+pub struct LawState {
+    /// By section and then by channel, x1 and x2.
+    sections: [[Six; 2]; SECTIONS],
+    /// The shaped sample before: of a sensor, or of a mode.
     before: Six,
-    /// The integral part of the force, N.
+    /// The integral part of the force: of a leg, N, or of a mode, N/√kg.
     integral: Six,
 }
 
-impl PiState {
+impl LawState {
     /// At rest.
     pub const REST: Self = Self {
+        sections: [[[0.0; LEGS]; 2]; SECTIONS],
         before: [0.0; LEGS],
         integral: [0.0; LEGS],
     };
@@ -54,21 +76,22 @@ impl State {
     /// no kick when the loop starts.
     pub fn settled_on(table: &ValidTable, adc: [AdcCode; LEGS]) -> Self {
         let mut averages = [[0.0; LEGS]; 2];
-        if table.get().shaping.ac_coupling > 0.0 {
+        if table.get().ac_coupling > 0.0 {
             averages[0] = calibrate(table, adc);
         }
         Self {
             averages,
-            pi: PiState::REST,
+            law: LawState::REST,
         }
     }
 
     /// Whether every number in it is finite.
     pub fn is_finite(&self) -> bool {
-        let [a, b] = &self.averages;
-        [a, b, &self.pi.before, &self.pi.integral]
-            .iter()
-            .all(|six| six.iter().all(|x| x.is_finite()))
+        let finite = |six: &Six| six.iter().all(|x| x.is_finite());
+        self.averages.iter().all(finite)
+            && self.law.sections.as_flattened().iter().all(finite)
+            && finite(&self.law.before)
+            && finite(&self.law.integral)
     }
 }
 
@@ -108,16 +131,15 @@ pub fn step(
     let t = table.get();
     let y = calibrate(table, adc);
     let [h1, h2] = &mut state.averages;
-    let r: Six = core::array::from_fn(|i| {
+    let w: Six = core::array::from_fn(|i| {
         let v = y[i] - h1[i];
-        h1[i] += t.shaping.ac_coupling * v;
+        h1[i] += t.ac_coupling * v;
         let w = v - h2[i];
-        h2[i] += t.shaping.ac_coupling * w;
-        let before = state.pi.before[i];
-        before + t.shaping.roll_off * (w - before)
+        h2[i] += t.ac_coupling * w;
+        w
     });
     let limits = core::array::from_fn(|i| t.actuators[i].limit);
-    let (force, clamp) = pi(&t.law, &limits, &mut state.pi, &r, &injection.0);
+    let (force, clamp) = force(&t.law, &limits, &mut state.law, &w, &injection.0);
     let mut sensors_at_rail = 0;
     for (i, code) in adc.iter().enumerate() {
         if code.0 >= t.adc_max.0 || code.0 < -t.adc_max.0 {
@@ -134,7 +156,7 @@ pub fn step(
     }
 }
 
-/// What the clamp of [`pi`] did.
+/// What the clamp of [`force`] did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clamp {
     /// All forces inside their limits.
@@ -145,23 +167,99 @@ pub enum Clamp {
     NotFinite,
 }
 
-/// The law itself: matrices, integrator and clamp. `y` in sensor units,
-/// `injection` and `limits` in N; gives the forces in N, each within its limit.
+/// The law itself: from AC-coupled sensor values `w` to forces. `injection` and
+/// `limits` in N; gives the forces in N, each within its limit.
 #[inline]
-pub fn pi(law: &Law, limits: &Six, state: &mut PiState, y: &Six, injection: &Six) -> (Six, Clamp) {
-    let sum: Six = core::array::from_fn(|j| y[j] + state.before[j]);
-    state.before = *y;
-    let leaked = core::array::from_fn(|i| state.integral[i] - law.leak * state.integral[i]);
-    let integral = add_product(leaked, &law.integral, &sum);
+pub fn force(
+    law: &Law,
+    limits: &Six,
+    state: &mut LawState,
+    w: &Six,
+    injection: &Six,
+) -> (Six, Clamp) {
+    match &law.paths {
+        Paths::Direct(direct) => {
+            let force = direct_force(direct, law.leak, state, w, injection);
+            if inside(&force, limits) {
+                return (force, Clamp::Idle);
+            }
+            let Some((held, _)) = clamp(&force, limits) else {
+                return ([0.0; LEGS], Clamp::NotFinite);
+            };
+            for i in 0..LEGS {
+                state.integral[i] += law.anti_windup * (force[i] - held[i]);
+            }
+            (held, Clamp::Active)
+        }
+        Paths::Modal(modal) => {
+            let asked = modal_force(modal, law.leak, state, w);
+            let force = add_product(*injection, &modal.output, &asked);
+            if inside(&force, limits) {
+                return (force, Clamp::Idle);
+            }
+            let Some((held, scale)) = clamp(&force, limits) else {
+                return ([0.0; LEGS], Clamp::NotFinite);
+            };
+            for (integral, asked) in state.integral.iter_mut().zip(asked) {
+                *integral += law.anti_windup * (1.0 - scale) * asked;
+            }
+            (held, Clamp::Active)
+        }
+    }
+}
+
+/// Leg forces, N.
+#[inline]
+fn direct_force(direct: &Direct, leak: f32, state: &mut LawState, w: &Six, injection: &Six) -> Six {
+    let before = state.before;
+    let r: Six = core::array::from_fn(|i| before[i] + direct.roll_off * (w[i] - before[i]));
+    let sum = core::array::from_fn(|i| r[i] + before[i]);
+    state.before = r;
+    let leaked = core::array::from_fn(|i| state.integral[i] - leak * state.integral[i]);
+    let integral = add_product(leaked, &direct.integral, &sum);
     state.integral = integral;
     let rest = core::array::from_fn(|i| injection[i] - integral[i]);
-    let force = subtract_product(rest, &law.proportional, y);
-    // Written so that NaN counts as outside.
-    if (0..LEGS).all(|i| force[i].abs() <= limits[i]) {
-        (force, Clamp::Idle)
-    } else {
-        clamp(law, limits, state, force)
+    subtract_product(rest, &direct.proportional, &r)
+}
+
+/// Forces along the modes, N/√kg.
+#[inline]
+fn modal_force(modal: &Modal, leak: f32, state: &mut LawState, w: &Six) -> Six {
+    let mut r = add_product([0.0; LEGS], &modal.input, w);
+    // `zip` and `take` bound the sections without a check that could panic.
+    for (j, states) in state.sections.iter_mut().enumerate().take(modal.sections) {
+        let [x1, x2] = states;
+        for (i, channel) in modal.channels.iter().enumerate() {
+            r[i] = channel.sections[j].run(&mut x1[i], &mut x2[i], r[i]);
+        }
     }
+    let asked = core::array::from_fn(|i| {
+        let channel = &modal.channels[i];
+        let x = state.integral[i];
+        let x = x - leak * x + channel.integral * (r[i] + state.before[i]);
+        state.integral[i] = x;
+        -x - channel.proportional * r[i]
+    });
+    state.before = r;
+    asked
+}
+
+impl Section {
+    /// One sample.
+    #[inline]
+    fn run(&self, x1: &mut f32, x2: &mut f32, u: f32) -> f32 {
+        let y = self.direct * u + self.band * *x1 + self.low * *x2;
+        let slope = u - self.damping * *x1 - *x2;
+        *x2 += self.rate * *x1;
+        *x1 += self.rate * slope;
+        y
+    }
+}
+
+/// Whether every force is within its limit; NaN is not.
+#[inline]
+fn inside(force: &Six, limits: &Six) -> bool {
+    (0..LEGS).all(|i| force[i].abs() <= limits[i])
 }
 
 /// a + m·v, column by column.
@@ -187,22 +285,22 @@ fn subtract_product(mut a: Six, m: &Matrix6<f32>, v: &Six) -> Six {
 }
 
 /// Scales all forces by one factor, so that the force on the frame keeps its
-/// direction, and takes part of the excess back out of the integral.
+/// direction, and gives that factor too. None if a force is not finite.
 #[cold]
 #[inline(never)]
-fn clamp(law: &Law, limits: &Six, state: &mut PiState, force: Six) -> (Six, Clamp) {
+fn clamp(force: &Six, limits: &Six) -> Option<(Six, f32)> {
     let mut over = 0.0f32;
     for i in 0..LEGS {
         let ratio = force[i].abs() / limits[i];
         if !ratio.is_finite() {
-            return ([0.0; LEGS], Clamp::NotFinite);
+            return None;
         }
         if ratio > over {
             over = ratio;
         }
     }
     let scale = 1.0 / over;
-    let scaled: Six = core::array::from_fn(|i| {
+    let held = core::array::from_fn(|i| {
         let scaled = force[i] * scale;
         // The product may round past the limit by one unit in the last place.
         // Not `f32::clamp`: it can panic.
@@ -214,8 +312,5 @@ fn clamp(law: &Law, limits: &Six, state: &mut PiState, force: Six) -> (Six, Clam
             scaled
         }
     });
-    for i in 0..LEGS {
-        state.integral[i] += law.anti_windup * (force[i] - scaled[i]);
-    }
-    (scaled, Clamp::Active)
+    Some((held, scale))
 }

@@ -11,7 +11,7 @@ use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, Drive};
 
 /// The table layout this code reads.
-pub const FORMAT_VERSION: u16 = 1;
+pub const FORMAT_VERSION: u16 = 2;
 
 /// SHA-256 of the machine description a table was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,35 +26,124 @@ pub enum Feedback {
     Force,
 }
 
-/// First-order coefficients in increment form, `state += c·(input − state)`,
+/// The proportional-integral law of Eqs. (14), (21) and (22).
+///
+/// First-order coefficients are in increment form, `state += c·(input − state)`,
 /// which in `f32` keeps poles far below the sample rate that `1 − c` would
 /// lose. A corner at `f` Hz has c = 1 − exp(−2π·f/rate).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shaping {
-    /// AC coupling: two first-order high-passes with this coefficient, 0 to
-    /// leave it out.
-    pub ac_coupling: f32,
-    /// Roll-off: a first-order low-pass with this coefficient, 1 to leave it
-    /// out.
-    pub roll_off: f32,
+pub struct Law {
+    /// How sensors become forces.
+    pub paths: Paths,
+    /// The part of the integrals that leaks away in one period, 0 to 1.
+    pub leak: f32,
+    /// The part of the clamp's excess force that is taken back out of the
+    /// integrals in one period, 0 to 1.
+    pub anti_windup: f32,
 }
 
-/// The proportional-integral law of Eqs. (14), (21) and (22).
+/// How sensors become forces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "there is one table, and nothing to allocate a box from"
+)]
+pub enum Paths {
+    /// Every sensor to every leg, all shaped alike.
+    Direct(Direct),
+    /// Through the modes of the design model, each shaped by itself.
+    Modal(Modal),
+}
+
+/// The matrices of Eq. (14) as they stand.
 ///
 /// Rows are actuators, columns sensors. Units are N per unit of the sensor:
 /// N/(m/s²) for accelerations, 1 for forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Law {
+pub struct Direct {
+    /// Roll-off: a first-order low-pass with this coefficient, 1 to leave it
+    /// out.
+    pub roll_off: f32,
     /// K_a or K_P.
     pub proportional: Matrix6<f32>,
     /// K_v·T/2 or K_I·T/2: the integral is trapezoidal, so this times the sum
     /// of two neighbouring samples is one period's increment in N.
     pub integral: Matrix6<f32>,
-    /// The part of the integral that leaks away in one period, 0 to 1.
-    pub leak: f32,
-    /// The part of the clamp's excess force that is taken back out of the
-    /// integral in one period, 0 to 1.
-    pub anti_windup: f32,
+}
+
+/// Sensors to modes, six channels, modes to legs.
+///
+/// With all sections the same this is the direct law, K = output·diag·input:
+/// S of Eq. (17) makes the gains of Eqs. (19) to (22) diagonal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Modal {
+    /// T_in. Accelerations: S⁻¹·T_c⁻¹, to modal accelerations, √kg·m/s².
+    /// Forces: Sᵀ, to modal forces, N/√kg.
+    pub input: Matrix6<f32>,
+    /// By mode.
+    pub channels: [Channel; LEGS],
+    /// How many of the sections run, the same for all channels.
+    pub sections: usize,
+    /// T_out = S⁻ᵀ, from modal forces, N/√kg, to leg forces, N.
+    pub output: Matrix6<f32>,
+}
+
+/// Room for second-order sections in a channel.
+pub const SECTIONS: usize = 3;
+
+/// One mode: sections in series, then proportional plus integral.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Channel {
+    /// Shaping.
+    pub sections: [Section; SECTIONS],
+    /// ω²/ω_n² − 1.
+    pub proportional: f32,
+    /// 2ζ_n·ω²/ω_n·T/2, trapezoidal as in [`Direct::integral`].
+    pub integral: f32,
+}
+
+/// A second-order section as two integrators in increment form, which keeps
+/// slow poles and zeros exact in `f32` whatever the sample rate:
+///
+/// ```text
+/// y  = direct·u + band·x1 + low·x2     with the states before
+/// x1 += rate·(u − damping·x1 − x2)     band-pass
+/// x2 += rate·x1                        low-pass, x1 before; at rest x2 = u
+/// ```
+///
+/// Poles at z = 1 + δ, δ² + rate·damping·δ + rate² = 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Section {
+    /// The geometric mean of the poles' distances from z = 1.
+    pub rate: f32,
+    /// Twice the relative damping.
+    pub damping: f32,
+    /// Gain of the input; at half the sample rate and above all poles, all of
+    /// it.
+    pub direct: f32,
+    /// Gain of the band-pass.
+    pub band: f32,
+    /// Gain of the low-pass; `direct` + `low` is the gain at rest.
+    pub low: f32,
+}
+
+impl Section {
+    /// Lets everything through.
+    pub const PASS: Self = Self {
+        rate: 0.5,
+        damping: 2.0,
+        direct: 1.0,
+        band: 0.0,
+        low: 0.0,
+    };
+
+    /// Whether all is finite and both poles lie inside the unit circle
+    /// (Jury's criterion).
+    const fn is_stable(&self) -> bool {
+        let gains = self.direct.is_finite() && self.band.is_finite() && self.low.is_finite();
+        let (c, d) = (self.rate, self.damping);
+        gains && c > 0.0 && d > c && 2.0 * c * d < 4.0 + c * c
+    }
 }
 
 /// Everything the step is configured by. Plain data; see [`Table::validate`].
@@ -72,8 +161,9 @@ pub struct Table {
     pub sensors: [Calibration; LEGS],
     /// The highest ADC code; the lowest is its negative less one.
     pub adc_max: AdcCode,
-    /// AC coupling and roll-off, the same for all channels.
-    pub shaping: Shaping,
+    /// AC coupling of every sensor: two first-order high-passes with this
+    /// coefficient, 0 to leave it out.
+    pub ac_coupling: f32,
     /// The law.
     pub law: Law,
     /// Actuator channels, in the order of the law's rows.
@@ -93,9 +183,15 @@ pub enum TableError {
     Sensor(usize),
     /// The ADC's highest code is not positive.
     AdcRange,
-    /// A shaping coefficient outside 0 to 1, or a roll-off that passes nothing.
+    /// AC coupling or roll-off outside 0 to 1, or a roll-off that passes
+    /// nothing.
     Shaping,
-    /// A gain is not finite; the row.
+    /// More sections than there is room for.
+    Sections,
+    /// A channel's section has a pole outside the unit circle or is not
+    /// finite; the channel.
+    Section(usize),
+    /// A gain is not finite; the row, or the channel.
     Gain(usize),
     /// Leak or anti-windup outside 0 to 1.
     Integral,
@@ -111,7 +207,9 @@ impl core::fmt::Display for TableError {
             Self::SampleRate => f.write_str("the sample rate is not positive and finite"),
             Self::Sensor(i) => write!(f, "sensor channel {i}: calibration not finite or zero"),
             Self::AdcRange => f.write_str("the ADC's highest code is not positive"),
-            Self::Shaping => f.write_str("a shaping coefficient lies outside 0 to 1"),
+            Self::Shaping => f.write_str("AC coupling or roll-off lies outside 0 to 1"),
+            Self::Sections => write!(f, "a channel has room for {SECTIONS} sections"),
+            Self::Section(i) => write!(f, "channel {i} has a section that is not stable"),
             Self::Gain(i) => write!(f, "gain row {i} is not finite"),
             Self::Integral => f.write_str("leak or anti-windup lies outside 0 to 1"),
             Self::Actuator(i) => write!(
@@ -157,14 +255,18 @@ impl Table {
         if self.adc_max.0 <= 0 {
             return Err(TableError::AdcRange);
         }
-        if !(fraction(self.shaping.ac_coupling)
-            && fraction(self.shaping.roll_off)
-            && self.shaping.roll_off > 0.0)
-        {
+        if !fraction(self.ac_coupling) {
             return Err(TableError::Shaping);
         }
         if !(fraction(self.law.leak) && fraction(self.law.anti_windup)) {
             return Err(TableError::Integral);
+        }
+        let paths = match &self.law.paths {
+            Paths::Direct(direct) => direct.validate(),
+            Paths::Modal(modal) => modal.validate(),
+        };
+        if let Err(error) = paths {
+            return Err(error);
         }
         // `while`, because `for` is not const.
         let mut i = 0;
@@ -172,15 +274,6 @@ impl Table {
             let s = &self.sensors[i];
             if !(s.zero.is_finite() && s.gain.is_finite() && s.gain != 0.0) {
                 return Err(TableError::Sensor(i));
-            }
-            let mut j = 0;
-            while j < LEGS {
-                let kp = self.law.proportional.data.0[j][i];
-                let ki = self.law.integral.data.0[j][i];
-                if !(kp.is_finite() && ki.is_finite()) {
-                    return Err(TableError::Gain(i));
-                }
-                j += 1;
             }
             let a = &self.actuators[i];
             let stroke = a.limit * a.gain.abs();
@@ -196,5 +289,61 @@ impl Table {
             i += 1;
         }
         Ok(ValidTable(self))
+    }
+}
+
+/// The first row with an entry that is not finite.
+const fn bad_row(matrix: &Matrix6<f32>) -> Option<usize> {
+    let mut i = 0;
+    while i < LEGS {
+        let mut j = 0;
+        while j < LEGS {
+            if !matrix.data.0[j][i].is_finite() {
+                return Some(i);
+            }
+            j += 1;
+        }
+        i += 1;
+    }
+    None
+}
+
+impl Direct {
+    const fn validate(&self) -> Result<(), TableError> {
+        if !(fraction(self.roll_off) && self.roll_off > 0.0) {
+            return Err(TableError::Shaping);
+        }
+        match (bad_row(&self.proportional), bad_row(&self.integral)) {
+            (None, None) => Ok(()),
+            (Some(row), _) | (None, Some(row)) => Err(TableError::Gain(row)),
+        }
+    }
+}
+
+impl Modal {
+    const fn validate(&self) -> Result<(), TableError> {
+        if self.sections > SECTIONS {
+            return Err(TableError::Sections);
+        }
+        match (bad_row(&self.input), bad_row(&self.output)) {
+            (None, None) => {}
+            (Some(row), _) | (None, Some(row)) => return Err(TableError::Gain(row)),
+        }
+        let mut i = 0;
+        while i < LEGS {
+            let channel = &self.channels[i];
+            if !(channel.proportional.is_finite() && channel.integral.is_finite()) {
+                return Err(TableError::Gain(i));
+            }
+            let mut j = 0;
+            while j < SECTIONS {
+                if !channel.sections[j].is_stable() {
+                    return Err(TableError::Section(i));
+                }
+                j += 1;
+            }
+            i += 1;
+        }
+        Ok(())
     }
 }

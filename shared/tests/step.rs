@@ -5,9 +5,10 @@ use nalgebra::Matrix6;
 use proptest::prelude::*;
 use shared::LEGS;
 use shared::codes::{Adc, AdcCode, Dac, DacCode, LegForces};
-use shared::step::{Clamp, PiState, State, pi, step};
+use shared::step::{Clamp, LawState, State, force as law_force, step};
 use shared::table::{
-    FORMAT_VERSION, Feedback, Law, ModelDigest, Shaping, Table, TableError, ValidTable,
+    Channel, Direct, FORMAT_VERSION, Feedback, Law, Modal, ModelDigest, Paths, SECTIONS, Section,
+    Table, TableError, ValidTable,
 };
 
 fn table() -> Table {
@@ -18,19 +19,42 @@ fn table() -> Table {
         feedback: Feedback::Acceleration,
         sensors: [Adc::new(16, 10.0).unwrap().calibration(20.0); LEGS],
         adc_max: AdcCode(32767),
-        shaping: Shaping {
-            ac_coupling: 0.0,
-            roll_off: 1.0,
-        },
+        ac_coupling: 0.0,
         law: Law {
-            proportional: Matrix6::zeros(),
-            integral: Matrix6::zeros(),
+            paths: Paths::Direct(DIRECT),
             leak: 0.0,
             anti_windup: 0.0,
         },
         actuators: [Dac::new(16, 0.0, 5.0).unwrap().drive(100.0, 200.0); LEGS],
         dac_max: DacCode(65535),
     }
+}
+
+const DIRECT: Direct = Direct {
+    roll_off: 1.0,
+    proportional: Matrix6::from_array_storage(nalgebra::ArrayStorage([[0.0; LEGS]; LEGS])),
+    integral: Matrix6::from_array_storage(nalgebra::ArrayStorage([[0.0; LEGS]; LEGS])),
+};
+
+/// One mode after the other straight through, with no gain yet.
+fn modal() -> Modal {
+    Modal {
+        input: Matrix6::identity(),
+        channels: [Channel {
+            sections: [Section::PASS; SECTIONS],
+            proportional: 0.0,
+            integral: 0.0,
+        }; LEGS],
+        sections: 0,
+        output: Matrix6::identity(),
+    }
+}
+
+/// A table with this direct law.
+fn direct(direct: Direct) -> Table {
+    let mut t = table();
+    t.law.paths = Paths::Direct(direct);
+    t
 }
 
 fn force(code: DacCode) -> f64 {
@@ -55,9 +79,9 @@ fn first(table: &ValidTable, adc: [i16; LEGS], injection: [f32; LEGS]) -> [f64; 
 /// Leg 2 alone answers sensor 1 alone, and against it: Eq. (14).
 #[test]
 fn the_controller_opposes() {
-    let mut t = table();
-    t.law.proportional[(2, 1)] = 1000.0;
-    let out = first(&valid(t), [0, 3000, 0, 0, 0, 0], [0.0; LEGS]);
+    let mut law = DIRECT;
+    law.proportional[(2, 1)] = 1000.0;
+    let out = first(&valid(direct(law)), [0, 3000, 0, 0, 0, 0], [0.0; LEGS]);
     // 3000 codes of 10/32768 V at 20 V/(m/s²).
     let expected = -1000.0 * 3000.0 * 10.0 / 32768.0 / 20.0;
     for (i, force) in out.iter().enumerate() {
@@ -81,12 +105,13 @@ fn injection_pushes() {
 /// Trapezoids: after n equal samples from rest the integral is (2n − 1)·K_i·y.
 #[test]
 fn the_integral_is_trapezoidal() {
-    let mut t = table();
-    t.law.integral[(0, 0)] = 2.0;
-    let mut state = PiState::REST;
+    let mut law = DIRECT;
+    law.integral[(0, 0)] = 2.0;
+    let t = direct(law);
+    let mut state = LawState::REST;
     let y = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0];
     for n in 1..=50 {
-        let (force, clamp) = pi(&t.law, &[1e6; LEGS], &mut state, &y, &[0.0; LEGS]);
+        let (force, clamp) = law_force(&t.law, &[1e6; LEGS], &mut state, &y, &[0.0; LEGS]);
         assert_eq!(clamp, Clamp::Idle);
         // Whole numbers: exact in single precision.
         assert_eq!(force[0], -(2.0 * n as f32 - 1.0));
@@ -96,15 +121,16 @@ fn the_integral_is_trapezoidal() {
 /// The leak empties the integral by 1/e in 1/leak steps.
 #[test]
 fn the_integral_leaks() {
-    let mut t = table();
-    t.law.integral[(0, 0)] = 1.0;
+    let mut law = DIRECT;
+    law.integral[(0, 0)] = 1.0;
+    let mut t = direct(law);
     t.law.leak = 1e-3;
-    let mut state = PiState::REST;
+    let mut state = LawState::REST;
     let mut last = [0.0; LEGS];
     for n in 0..1002 {
         let y = if n == 0 { 10.0 } else { 0.0 };
         let y = [y, 0.0, 0.0, 0.0, 0.0, 0.0];
-        last = pi(&t.law, &[1e6; LEGS], &mut state, &y, &[0.0; LEGS]).0;
+        last = law_force(&t.law, &[1e6; LEGS], &mut state, &y, &[0.0; LEGS]).0;
     }
     // Two trapezoid halves of 10, the first a step older.
     let expected = -20.0 * (-1.0f32).exp();
@@ -113,9 +139,11 @@ fn the_integral_leaks() {
 
 #[test]
 fn a_constant_offset_gives_no_kick_and_dies_out() {
-    let mut t = table();
-    t.shaping.ac_coupling = 1e-3;
-    t.law.proportional = Matrix6::identity() * 50e3;
+    let mut t = direct(Direct {
+        proportional: Matrix6::identity() * 50e3,
+        ..DIRECT
+    });
+    t.ac_coupling = 1e-3;
     let t = valid(t);
     let offset = [AdcCode(500); LEGS];
     let mut state = State::settled_on(&t, offset);
@@ -139,9 +167,23 @@ fn a_constant_offset_gives_no_kick_and_dies_out() {
 /// limit for as long as they were overloaded.
 #[test]
 fn anti_windup_recovers() {
+    let law = Direct {
+        integral: Matrix6::identity() * 10.0,
+        ..DIRECT
+    };
+    recovers(&direct(law));
+    let mut law = modal();
+    for channel in &mut law.channels {
+        channel.integral = 10.0;
+    }
+    let mut t = table();
+    t.law.paths = Paths::Modal(law);
+    recovers(&t);
+}
+
+fn recovers(table: &Table) {
     let steps_to_recover = |anti_windup: f32| {
-        let mut t = table();
-        t.law.integral = Matrix6::identity() * 10.0;
+        let mut t = *table;
         t.law.anti_windup = anti_windup;
         let t = valid(t);
         let mut state = State::settled_on(&t, [AdcCode(0); LEGS]);
@@ -166,9 +208,10 @@ fn anti_windup_recovers() {
 
 #[test]
 fn a_force_that_is_no_number_gives_the_safe_codes() {
-    let mut t = table();
-    t.law.proportional = Matrix6::repeat(f32::MAX);
-    let t = valid(t);
+    let t = valid(direct(Direct {
+        proportional: Matrix6::repeat(f32::MAX),
+        ..DIRECT
+    }));
     let mut state = State::settled_on(&t, [AdcCode(0); LEGS]);
     let out = step(
         &t,
@@ -198,7 +241,7 @@ fn every_bad_field_is_refused() {
         assert_eq!(t.validate().err(), Some(expected));
     };
     assert!(table().validate().is_ok());
-    refused(&|t| t.version = 2, TableError::Version);
+    refused(&|t| t.version = 1, TableError::Version);
     refused(&|t| t.sample_rate = 0.0, TableError::SampleRate);
     refused(&|t| t.sample_rate = f32::NAN, TableError::SampleRate);
     refused(&|t| t.sensors[3].gain = 0.0, TableError::Sensor(3));
@@ -207,18 +250,51 @@ fn every_bad_field_is_refused() {
         TableError::Sensor(5),
     );
     refused(&|t| t.adc_max = AdcCode(0), TableError::AdcRange);
-    refused(&|t| t.shaping.ac_coupling = -0.1, TableError::Shaping);
-    refused(&|t| t.shaping.roll_off = 0.0, TableError::Shaping);
-    refused(&|t| t.shaping.roll_off = f32::NAN, TableError::Shaping);
+    refused(&|t| t.ac_coupling = -0.1, TableError::Shaping);
     refused(&|t| t.law.leak = 1.5, TableError::Integral);
     refused(&|t| t.law.anti_windup = f32::NAN, TableError::Integral);
-    refused(
-        &|t| t.law.proportional[(4, 1)] = f32::NAN,
+    let refused_direct = |change: &dyn Fn(&mut Direct), expected| {
+        let mut law = DIRECT;
+        change(&mut law);
+        refused(&|t| t.law.paths = Paths::Direct(law), expected);
+    };
+    refused_direct(&|law| law.roll_off = 0.0, TableError::Shaping);
+    refused_direct(&|law| law.roll_off = f32::NAN, TableError::Shaping);
+    refused_direct(
+        &|law| law.proportional[(4, 1)] = f32::NAN,
         TableError::Gain(4),
     );
-    refused(
-        &|t| t.law.integral[(1, 4)] = f32::INFINITY,
+    refused_direct(
+        &|law| law.integral[(1, 4)] = f32::INFINITY,
         TableError::Gain(1),
+    );
+    let refused_modal = |change: &dyn Fn(&mut Modal), expected| {
+        let mut law = modal();
+        change(&mut law);
+        refused(&|t| t.law.paths = Paths::Modal(law), expected);
+    };
+    refused_modal(&|law| law.sections = SECTIONS + 1, TableError::Sections);
+    refused_modal(&|law| law.input[(3, 0)] = f32::NAN, TableError::Gain(3));
+    refused_modal(&|law| law.output[(0, 5)] = f32::NAN, TableError::Gain(0));
+    refused_modal(
+        &|law| law.channels[5].integral = f32::NAN,
+        TableError::Gain(5),
+    );
+    refused_modal(
+        &|law| law.channels[2].sections[1].low = f32::NAN,
+        TableError::Section(2),
+    );
+    // A double pole at z = −1, then an undamped pair.
+    refused_modal(
+        &|law| {
+            law.channels[1].sections[0].rate = 2.0;
+            law.channels[1].sections[0].damping = 2.0;
+        },
+        TableError::Section(1),
+    );
+    refused_modal(
+        &|law| law.channels[4].sections[2].damping = 0.5,
+        TableError::Section(4),
     );
     refused(&|t| t.actuators[2].limit = -1.0, TableError::Actuator(2));
     refused(&|t| t.actuators[2].limit = 300.0, TableError::Actuator(2));
@@ -227,29 +303,140 @@ fn every_bad_field_is_refused() {
     refused(&|t| t.dac_max = DacCode(4095), TableError::Actuator(0));
 }
 
+/// A section is stable exactly if both its poles lie inside the unit circle:
+/// Jury's criterion in the table against the roots themselves.
+#[test]
+fn stable_sections_are_those_with_poles_inside() {
+    let mut stable = 0;
+    let mut count = 0;
+    for i in 1..80 {
+        for j in 1..80 {
+            let (rate, damping) = (0.05 * i as f32, 0.05 * j as f32);
+            let (c, d) = (f64::from(rate), f64::from(damping));
+            // z² + (c·d − 2)·z + 1 − c·d + c².
+            let (sum, product) = (2.0 - c * d, 1.0 - c * d + c * c);
+            let root = sum * sum - 4.0 * product;
+            let radius = if root < 0.0 {
+                product.sqrt()
+            } else {
+                0.5 * (sum.abs() + root.sqrt())
+            };
+            if (radius - 1.0).abs() < 1e-6 {
+                continue;
+            }
+            let mut law = modal();
+            law.channels[0].sections[0].rate = rate;
+            law.channels[0].sections[0].damping = damping;
+            let mut t = table();
+            t.law.paths = Paths::Modal(law);
+            assert_eq!(t.validate().is_ok(), radius < 1.0, "{rate} {damping}");
+            stable += usize::from(radius < 1.0);
+            count += 1;
+        }
+    }
+    assert!(stable > 500 && count - stable > 500, "{stable} of {count}");
+}
+
+/// With all channels and sections alike, sensors → modes → legs is one matrix.
+#[test]
+fn alike_channels_are_one_matrix() {
+    let input = Matrix6::from_fn(|i, j| ((3 * i + 5 * j) % 7) as f32 - 2.5);
+    let output = Matrix6::from_fn(|i, j| ((2 * i + 3 * j) % 5) as f32 - 1.5);
+    let mut law = modal();
+    law.input = input;
+    law.output = output;
+    for channel in &mut law.channels {
+        channel.proportional = 0.5;
+        channel.integral = 0.25;
+    }
+    let mut one = table();
+    one.law.paths = Paths::Modal(law);
+    let two = direct(Direct {
+        roll_off: 1.0,
+        proportional: output * input * 0.5,
+        integral: output * input * 0.25,
+    });
+    let mut states = [LawState::REST; 2];
+    for k in 0..200u32 {
+        let y = core::array::from_fn(|i| ((k * 7 + 3 * i as u32) % 11) as f32 - 5.0);
+        let [a, b] = [&one, &two].map(|t| t.law);
+        let modal = law_force(&a, &[1e9; LEGS], &mut states[0], &y, &[0.0; LEGS]).0;
+        let direct = law_force(&b, &[1e9; LEGS], &mut states[1], &y, &[0.0; LEGS]).0;
+        // All numbers are small multiples of 1/16: exact.
+        assert_eq!(modal, direct);
+    }
+}
+
 fn matrix(size: f32) -> impl Strategy<Value = Matrix6<f32>> {
     prop::collection::vec(-size..size, 36).prop_map(|all| Matrix6::from_row_slice(&all))
 }
 
-fn any_table() -> impl Strategy<Value = ValidTable> {
+fn any_section() -> impl Strategy<Value = Section> {
     (
-        matrix(1e6),
-        matrix(1e3),
-        prop::array::uniform6(10.0..240.0f32),
-        prop::array::uniform4(0.0..1.0f32),
-        -1e-3..1e-3f32,
+        0.001..1.0f32,
+        0.01..1.0f32,
+        prop::array::uniform3(-30.0..30.0f32),
     )
-        .prop_map(|(proportional, integral, limits, c, gain)| {
-            let mut t = table();
-            t.shaping = Shaping {
-                ac_coupling: c[0] * c[0],
-                roll_off: c[1].max(1e-4),
-            };
-            t.law = Law {
+        .prop_map(|(rate, part, [direct, band, low])| Section {
+            rate,
+            // Between the bounds of stability.
+            damping: rate * 1.01 + part * (1.9 / rate + 0.45 * rate - rate * 1.01),
+            direct,
+            band,
+            low,
+        })
+}
+
+fn any_paths() -> impl Strategy<Value = Paths> {
+    let direct =
+        (matrix(1e6), matrix(1e3), 1e-4..1.0f32).prop_map(|(proportional, integral, roll_off)| {
+            Paths::Direct(Direct {
+                roll_off,
                 proportional,
                 integral,
-                leak: c[2] * c[2] * c[2],
-                anti_windup: c[3],
+            })
+        });
+    let channel = (
+        prop::array::uniform3(any_section()),
+        -1e4..1e4f32,
+        -10.0..10.0f32,
+    )
+        .prop_map(|(sections, proportional, integral)| Channel {
+            sections,
+            proportional,
+            integral,
+        });
+    let modal = (
+        matrix(50.0),
+        prop::array::uniform6(channel),
+        0..=SECTIONS,
+        matrix(50.0),
+    )
+        .prop_map(|(input, channels, sections, output)| {
+            Paths::Modal(Modal {
+                input,
+                channels,
+                sections,
+                output,
+            })
+        });
+    prop_oneof![direct, modal]
+}
+
+fn any_table() -> impl Strategy<Value = ValidTable> {
+    (
+        any_paths(),
+        prop::array::uniform6(10.0..240.0f32),
+        prop::array::uniform3(0.0..1.0f32),
+        -1e-3..1e-3f32,
+    )
+        .prop_map(|(paths, limits, c, gain)| {
+            let mut t = table();
+            t.ac_coupling = c[0] * c[0];
+            t.law = Law {
+                paths,
+                leak: c[1] * c[1] * c[1],
+                anti_windup: c[2],
             };
             for (drive, limit) in t.actuators.iter_mut().zip(limits) {
                 drive.limit = limit;
@@ -296,11 +483,11 @@ proptest! {
     ) {
         let law = &t.get().law;
         let limits = t.get().actuators.map(|drive| drive.limit);
-        let mut state = PiState::REST;
-        let (free, clamp) = pi(law, &[f32::MAX; LEGS], &mut state, &y, &injection);
+        let mut state = LawState::REST;
+        let (free, clamp) = law_force(law, &[f32::MAX; LEGS], &mut state, &y, &injection);
         prop_assert_eq!(clamp, Clamp::Idle);
-        let mut state = PiState::REST;
-        let (held, clamp) = pi(law, &limits, &mut state, &y, &injection);
+        let mut state = LawState::REST;
+        let (held, clamp) = law_force(law, &limits, &mut state, &y, &injection);
         let worst = (0..LEGS).map(|i| free[i].abs() / limits[i]).fold(0.0, f32::max);
         if worst <= 1.0 {
             prop_assert_eq!(clamp, Clamp::Idle);

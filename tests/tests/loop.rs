@@ -6,7 +6,7 @@ use std::path::Path;
 use firmware::exchange::{parse_reply, parse_request, reply, request};
 use firmware::loop_task::LoopTask;
 use firmware::tables::metrology_frame;
-use host_gen::closed_loop::LinearLaw;
+use host_gen::law::LinearLaw;
 use host_gen::machine::Machine;
 use host_gen::simulation::Rig;
 use host_gen::study::Study;
@@ -14,7 +14,7 @@ use nalgebra::Complex;
 use shared::LEGS;
 use shared::codes::{AdcCode, LegForces};
 use shared::step::{State, step};
-use shared::table::ValidTable;
+use shared::table::{Paths, ValidTable};
 
 fn study() -> Study {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/metrology-frame.toml");
@@ -42,8 +42,10 @@ fn the_step_is_the_linear_law() {
         let mut table = *metrology_frame::TABLE.get();
         let whole = LinearLaw::new(&metrology_frame::TABLE).response(z).camax();
         let scale = 100.0 / (whole * amplitude * f64::from(table.sensors[0].gain));
-        table.law.proportional *= scale as f32;
-        table.law.integral *= scale as f32;
+        match &mut table.law.paths {
+            Paths::Direct(_) => panic!("the firmware's table is modal"),
+            Paths::Modal(modal) => modal.output *= scale as f32,
+        }
         let table = table.validate().unwrap();
         let law = LinearLaw::new(&table).response(z);
         for sensor in [0, 3] {
@@ -110,7 +112,7 @@ fn the_loop_task_runs_the_step() {
         if k == 4000 {
             rig.floor_gain = 100.0;
         }
-        let (adc, _) = rig.sample();
+        let adc = rig.sample();
         let received = parse_request(&request(adc)).unwrap();
         let output = parse_reply(&reply(&task.on_sample(received))).unwrap();
         let state = state.get_or_insert_with(|| State::settled_on(table, adc));

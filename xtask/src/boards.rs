@@ -10,8 +10,6 @@ use crate::{Outcome, cargo, run};
 pub struct Board {
     /// The emulator's name for it.
     pub machine: &'static str,
-    /// Its core, for people.
-    pub processor: &'static str,
     /// Its core, for the compiler.
     cpu: &'static str,
 }
@@ -20,12 +18,10 @@ pub struct Board {
 pub const BOARDS: [Board; 2] = [
     Board {
         machine: "mps2-an386",
-        processor: "Cortex-M4F",
         cpu: "cortex-m4",
     },
     Board {
         machine: "mps2-an500",
-        processor: "Cortex-M7",
         cpu: "cortex-m7",
     },
 ];

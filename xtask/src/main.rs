@@ -35,8 +35,15 @@ enum Task {
         #[arg(long, default_value_t = SAMPLES)]
         samples: u32,
     },
-    /// Instructions per controller step on both emulated boards.
-    Bench(Setup),
+    /// Instructions per controller step on both emulated boards, against the
+    /// baseline in firmware/instructions.txt.
+    Bench {
+        #[command(flatten)]
+        setup: Setup,
+        /// Write the baseline anew.
+        #[arg(long)]
+        update: bool,
+    },
     /// How long singular values and the closed loop take, and beside them the
     /// same in NumPy and SciPy where there is a Python with them.
     Speed,
@@ -76,7 +83,9 @@ fn main() -> ExitCode {
         Task::Pil { setup, samples } => {
             Tools::find(!setup.no_install).and_then(|tools| pil(&tools, samples))
         }
-        Task::Bench(setup) => Tools::find(!setup.no_install).and_then(|tools| bench(&tools)),
+        Task::Bench { setup, update } => {
+            Tools::find(!setup.no_install).and_then(|tools| bench(&tools, update))
+        }
         Task::Speed => speed(),
         Task::Exudyn => exudyn(),
         Task::Build(setup) => Tools::find(!setup.no_install).and_then(|tools| {
@@ -122,12 +131,62 @@ fn pil(tools: &Tools, samples: u32) -> Outcome<()> {
     run(&mut command)
 }
 
-fn bench(tools: &Tools) -> Outcome<()> {
-    println!("Instructions per call, an empty call taken off:");
+/// Where the instruction counts are kept.
+const BASELINE: &str = "firmware/instructions.txt";
+
+/// Another compiler may take this part more or less before it is a change.
+const SLACK: f64 = 0.03;
+
+fn bench(tools: &Tools, update: bool) -> Outcome<()> {
+    println!("Instructions per call, an empty call taken off; \"law\" from AC-coupled sensors");
+    println!("to clamped forces, \"step\" from codes to codes:");
+    let mut counts = Vec::new();
     for board in &BOARDS {
         let image = boards::build(board, tools)?.join("mps2-bench");
-        println!("{} ({})", board.machine, board.processor);
-        run(boards::emulator(board, &image).args(["-icount", "shift=8", "-serial", "null"]))?;
+        // The emulator's semihosting prints to standard error.
+        let output = boards::emulator(board, &image)
+            .args(["-icount", "shift=8", "-serial", "null"])
+            .output()
+            .map_err(|error| format!("the emulator cannot be started: {error}"))?;
+        let text =
+            String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
+        if !output.status.success() {
+            return Err(format!(
+                "{} stopped with {}: {text}",
+                board.machine, output.status
+            ));
+        }
+        for line in text.lines() {
+            counts.push(format!("{} {line}", board.machine));
+        }
+    }
+    if update {
+        let text = counts.join("\n") + "\n";
+        std::fs::write(BASELINE, &text).map_err(|error| format!("{BASELINE}: {error}"))?;
+        print!("{text}");
+        return Ok(());
+    }
+    let baseline =
+        std::fs::read_to_string(BASELINE).map_err(|error| format!("{BASELINE}: {error}"))?;
+    let split = |line: &str| -> Option<(String, f64)> {
+        let (name, count) = line.rsplit_once(' ')?;
+        Some((name.to_owned(), count.parse().ok()?))
+    };
+    let mut moved = Vec::new();
+    for (found, kept) in counts.iter().zip(baseline.lines()) {
+        let (Some((name, found)), Some((expected, kept))) = (split(found), split(kept)) else {
+            return Err(format!("not a count: {found:?}, {kept:?}"));
+        };
+        println!("  {name:<24} {found:>5}   baseline {kept:>5}");
+        if name != expected || (found / kept - 1.0).abs() > SLACK {
+            moved.push(name);
+        }
+    }
+    if counts.len() != baseline.lines().count() || !moved.is_empty() {
+        return Err(format!(
+            "not the baseline: {}; if that is meant, cargo xtask bench --update",
+            moved.join(", ")
+        ));
     }
     Ok(())
 }

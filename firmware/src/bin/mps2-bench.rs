@@ -16,10 +16,11 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hprintln;
 use firmware::tables::metrology_frame;
+use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::{AdcCode, LegForces};
-use shared::step::{Clamp, Output, PiState, State, Status, pi, step};
-use shared::table::Law;
+use shared::step::{Clamp, LawState, Output, State, Status, force, step};
+use shared::table::{Direct, Law, Paths, ValidTable};
 
 type Six = [f32; LEGS];
 
@@ -34,19 +35,19 @@ const CALLS: u32 = 1000;
 // ones are.
 
 #[inline(never)]
-fn empty_pi(_: &Law, _: &Six, _: &mut PiState, _: &Six, _: &Six) -> (Six, Clamp) {
+fn empty_law(_: &Law, _: &Six, _: &mut LawState, _: &Six, _: &Six) -> (Six, Clamp) {
     (black_box([0.0; LEGS]), Clamp::Idle)
 }
 
 #[inline(never)]
-fn whole_pi(law: &Law, limits: &Six, state: &mut PiState, y: &Six, inject: &Six) -> (Six, Clamp) {
-    pi(law, limits, state, y, inject)
+fn whole_law(law: &Law, limits: &Six, state: &mut LawState, w: &Six, inject: &Six) -> (Six, Clamp) {
+    force(law, limits, state, w, inject)
 }
 
 #[inline(never)]
-fn empty_step(_: &mut State, _: [AdcCode; LEGS]) -> Output {
+fn empty_step(table: &ValidTable, _: &mut State, _: [AdcCode; LEGS]) -> Output {
     Output {
-        dac: metrology_frame::TABLE.safe_codes(),
+        dac: table.safe_codes(),
         status: Status {
             sensors_at_rail: 0,
             clamped: false,
@@ -56,8 +57,8 @@ fn empty_step(_: &mut State, _: [AdcCode; LEGS]) -> Output {
 }
 
 #[inline(never)]
-fn whole_step(state: &mut State, adc: [AdcCode; LEGS]) -> Output {
-    step(&metrology_frame::TABLE, state, adc, LegForces::ZERO)
+fn whole_step(table: &ValidTable, state: &mut State, adc: [AdcCode; LEGS]) -> Output {
+    step(table, state, adc, LegForces::ZERO)
 }
 
 /// Instructions per call, the loop around it included.
@@ -81,28 +82,44 @@ fn main() -> ! {
     peripherals.SYST.clear_current();
     peripherals.SYST.enable_counter();
 
-    let table = metrology_frame::TABLE.get();
-    let limits = table.actuators.map(|drive| drive.limit);
+    measure("modal", &metrology_frame::TABLE);
+    // The same machine's table with matrices of any numbers.
+    let mut direct = *metrology_frame::TABLE.get();
+    direct.law.paths = Paths::Direct(Direct {
+        roll_off: 0.1,
+        proportional: Matrix6::from_element(1.0),
+        integral: Matrix6::from_element(0.1),
+    });
+    let Ok(direct) = direct.validate() else {
+        panic!("a table of finite numbers");
+    };
+    measure("direct", &direct);
+    stop::done()
+}
+
+/// Prints what `cargo xtask bench` compares: name and instructions.
+fn measure(name: &str, table: &ValidTable) {
+    let law = &table.get().law;
+    let limits = table.get().actuators.map(|drive| drive.limit);
     // Small enough to stay clear of the clamp.
-    let y = [1e-7; LEGS];
-    let mut state = PiState::REST;
-    let mut measure = |call: fn(&Law, &Six, &mut PiState, &Six, &Six) -> (Six, Clamp)| {
+    let w = [1e-7; LEGS];
+    let mut state = LawState::REST;
+    let mut measure = |call: fn(&Law, &Six, &mut LawState, &Six, &Six) -> (Six, Clamp)| {
         instructions(|| {
-            let (law, limits, y) = black_box((&table.law, &limits, &y));
-            black_box(call(law, limits, &mut state, y, &LegForces::ZERO.0));
+            let (law, limits, w) = black_box((law, &limits, &w));
+            black_box(call(law, limits, &mut state, w, &LegForces::ZERO.0));
         })
     };
-    let [empty, whole] = [empty_pi, whole_pi].map(&mut measure);
-    hprintln!("  matrices, integrator and clamp  {:>4}", whole - empty);
+    let [empty, whole] = [empty_law, whole_law].map(&mut measure);
+    hprintln!("{} law {}", name, whole - empty);
 
-    let mut state = State::settled_on(&metrology_frame::TABLE, [AdcCode(0); LEGS]);
+    let mut state = State::settled_on(table, [AdcCode(0); LEGS]);
     let adc = [AdcCode(1); LEGS];
-    let mut measure = |call: fn(&mut State, [AdcCode; LEGS]) -> Output| {
+    let mut measure = |call: fn(&ValidTable, &mut State, [AdcCode; LEGS]) -> Output| {
         instructions(|| {
-            black_box(call(&mut state, black_box(adc)));
+            black_box(call(black_box(table), &mut state, black_box(adc)));
         })
     };
     let [empty, whole] = [empty_step, whole_step].map(&mut measure);
-    hprintln!("  whole step, codes to codes      {:>4}", whole - empty);
-    stop::done()
+    hprintln!("{} step {}", name, whole - empty);
 }

@@ -5,17 +5,19 @@
 
 use nalgebra::matrix;
 use shared::codes::{AdcCode, Calibration, DacCode, Drive};
-use shared::table::{Feedback, Law, ModelDigest, Shaping, Table, ValidTable};
+use shared::table::{
+    Channel, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,
+};
 
 /// The table, checked by the compiler.
 #[rustfmt::skip]
 pub static TABLE: ValidTable = match (Table {
-    version: 1,
+    version: 2,
     model: ModelDigest([
-        0xf7, 0xd9, 0x20, 0x54, 0xde, 0xfe, 0x5d, 0xe4,
-        0xec, 0xc1, 0xf9, 0x10, 0x12, 0xc6, 0x86, 0x24,
-        0x04, 0x4a, 0x72, 0x98, 0xfc, 0x44, 0xf9, 0x42,
-        0x65, 0x63, 0x80, 0x7a, 0x75, 0x8d, 0x62, 0xcc,
+        0x0f, 0x33, 0x60, 0x80, 0x87, 0x3b, 0x70, 0x53,
+        0x3c, 0x6b, 0x9a, 0x45, 0xf4, 0xa7, 0x3f, 0xe7,
+        0x39, 0xf7, 0xcc, 0xb5, 0x8a, 0xc9, 0x14, 0xed,
+        0xae, 0x54, 0xe6, 0xa0, 0x8f, 0xaf, 0xc6, 0x75,
     ]),
     // Hz.
     sample_rate: 20000.0,
@@ -30,29 +32,79 @@ pub static TABLE: ValidTable = match (Table {
         Calibration { zero: 0.0, gain: 1.5258789e-5 },
     ],
     adc_max: AdcCode(32767),
-    shaping: Shaping {
-        ac_coupling: 3.141543e-5,
-        roll_off: 0.00026542935,
-    },
+    ac_coupling: 1.570784e-5,
     law: Law {
-        // K_a, N/(m/s²)
-        proportional: matrix![
-            152496.31, 151173.64, -380.68726, -561.6481, 266.40854, 1097.8053;
-            -152496.31, 151173.64, 1097.8053, 266.40854, -561.6481, -380.68726;
-            -76869.195, 266.40854, 197538.55, 151173.64, -561.6481, -65831.43;
-            75627.11, -561.6481, -197179.98, 151173.64, 266.40854, 64755.754;
-            -75627.11, -561.6481, 64755.754, 266.40854, 151173.64, -197179.98;
-            76869.195, 266.40854, -65831.43, -561.6481, 151173.64, 197538.55;
-        ],
-        // K_v·T/2, N/(m/s²)
-        integral: matrix![
-            33.700893, 33.30932, -0.15187724, -0.124655515, 0.077831745, 0.32723635;
-            -33.700893, 33.30932, 0.32723635, 0.077831745, -0.124655515, -0.15187724;
-            -17.002312, 0.077831745, 43.583027, 33.30932, -0.124655515, -14.484878;
-            16.698582, -0.124655515, -43.49535, 33.30932, 0.077831745, 14.221839;
-            -16.698582, -0.124655515, 14.221839, 0.077831745, 33.30932, -43.49535;
-            17.002312, 0.077831745, -14.484878, -0.124655515, 33.30932, 43.583027;
-        ],
+        paths: Paths::Modal(Modal {
+            // T_in, m/s² to √kg·m/s²
+            input: matrix![
+                39.32483, 0.6187369, -19.716982, -3.8363786, 3.2176416, 25.691418;
+                5.9744344, -4.0726404, -23.111755, 1.5004783, 2.5721622, -16.213072;
+                0.0, 13.30664, 0.0, 13.30664, 13.30664, 0.0;
+                0.5197472, 14.6814995, -1.9729441, -5.3655934, -9.315907, -1.3727918;
+                3.3457358, -2.2807145, -1.6717879, 13.854909, -11.574195, 2.191535;
+                0.0, 0.0, 14.313164, 0.0, 0.0, -14.313164;
+            ],
+            channels: [
+                Channel {
+                    sections: [
+                        Section { rate: 0.015387116, damping: 9.427749, direct: 0.0014252857, band: 0.0945784, low: 0.99857473 },
+                        Section { rate: 0.114649184, damping: 2.0, direct: 0.30911523, band: 0.49373218, low: 0.69088477 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 199.89468, integral: 0.04417905,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.015387116, damping: 9.427749, direct: 0.0014252857, band: 0.0945784, low: 0.99857473 },
+                        Section { rate: 0.114649184, damping: 2.0, direct: 0.30911523, band: 0.49373218, low: 0.69088477 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 199.89468, integral: 0.04417905,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.008618311, damping: 8.226746, direct: 0.0007119264, band: 0.085367724, low: 0.9992881 },
+                        Section { rate: 0.154388, damping: 2.0, direct: 0.56053865, band: 0.3763053, low: 0.43946138 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 401.6835, integral: 0.08855473,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.011491809, damping: 16.178593, direct: 0.00051909144, band: 0.0482642, low: 0.9994809 },
+                        Section { rate: 0.16226196, damping: 0.9049775, direct: 0.5284018, band: 0.07652245, low: 0.47159818 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 630.9227, integral: 0.13896707,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.011491809, damping: 16.178593, direct: 0.00051909144, band: 0.0482642, low: 0.9994809 },
+                        Section { rate: 0.16226196, damping: 0.9049775, direct: 0.5284018, band: 0.07652245, low: 0.47159818 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 630.9227, integral: 0.13896707,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.012702085, damping: 19.73751, direct: 0.00056297967, band: 0.0459121, low: 0.99943703 },
+                        Section { rate: 0.21490052, damping: 1.3716546, direct: 0.4975697, band: 0.17022666, low: 0.50243026 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 1043.8573, integral: 0.22977613,
+                },
+            ],
+            sections: 2,
+            // T_out, N/√kg to N
+            output: matrix![
+                18.975414, -0.06341628, 9.409215, 10.626399, -0.035513677, 5.8433247;
+                -18.100388, -5.696167, 9.409215, 10.136377, -3.1899037, -5.8433247;
+                -9.542627, -16.401484, 9.409215, -5.282444, 9.220489, 5.8433247;
+                4.117169, 18.52348, 9.409215, -2.305651, 10.373312, -5.8433247;
+                -9.432787, 16.4649, 9.409215, -5.3439555, -9.184975, 5.8433247;
+                13.983219, -12.827312, 9.409215, -7.830726, -7.1834083, -5.8433247;
+            ],
+        }),
         leak: 3.1415877e-6,
         anti_windup: 0.00031410993,
     },

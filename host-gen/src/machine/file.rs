@@ -226,6 +226,34 @@ pub struct Control {
     /// The peak sensitivity the sampled loop may have.
     #[serde(default = "two")]
     pub max_sensitivity: f64,
+    /// How sensors become forces.
+    #[serde(default)]
+    pub law: LawName,
+    /// What the shaping makes small.
+    #[serde(default)]
+    pub minimise: Minimise,
+}
+
+/// How sensors become forces.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum LawName {
+    /// Through the modes, each shaped by itself.
+    #[default]
+    Modal,
+    /// By the matrices of Eq. (14), one roll-off for all.
+    Direct,
+}
+
+/// What the shaping makes small.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum Minimise {
+    /// The peaks of σ_max(G11) in the bands of `performance`.
+    #[default]
+    Peaks,
+    /// The rms of the performance outputs on the floor of `simulation`.
+    Rms,
 }
 
 fn two() -> f64 {
@@ -302,6 +330,8 @@ pub struct Sensor {
     /// V.
     #[serde(default)]
     pub offset: f64,
+    /// First-order lag, Hz.
+    pub bandwidth: Option<f64>,
 }
 
 /// `[board.actuator]`
@@ -312,6 +342,8 @@ pub struct Actuator {
     pub gain: f64,
     /// Largest force either way, N.
     pub limit: f64,
+    /// First-order lag, Hz.
+    pub bandwidth: Option<f64>,
 }
 
 /// `[simulation]`

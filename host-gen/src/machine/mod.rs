@@ -19,7 +19,7 @@ use shared::table::{Feedback, ModelDigest};
 
 pub(crate) use error::Fault;
 pub use error::MachineError;
-pub use file::{Certainty, Provenance, Simulation};
+pub use file::{Certainty, LawName, Minimise, Provenance, Simulation};
 use source::Source;
 
 /// A machine as checked. SI units.
@@ -178,6 +178,10 @@ pub struct Target {
     pub damping: f64,
     /// Bound on the sampled loop's peak sensitivity.
     pub max_sensitivity: f64,
+    /// How sensors become forces.
+    pub law: LawName,
+    /// What the shaping makes small.
+    pub minimise: Minimise,
 }
 
 impl Target {
@@ -210,6 +214,8 @@ pub struct Board {
     pub force_sensor: Option<Sensor>,
     /// N per V at the DAC.
     pub actuator_gain: f64,
+    /// Of the amplifier with its piezo, a first-order lag, Hz.
+    pub actuator_bandwidth: Option<f64>,
     /// N.
     pub force_limit: f64,
 }
@@ -252,6 +258,8 @@ pub struct Sensor {
     pub noise_density: f64,
     /// V.
     pub offset: f64,
+    /// Of sensor and preamplifier, a first-order lag, Hz.
+    pub bandwidth: Option<f64>,
 }
 
 impl Machine {

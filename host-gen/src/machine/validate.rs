@@ -532,6 +532,8 @@ fn target(control: &file::Control) -> Checked<Target> {
         frequency: positive("control.frequency", control.frequency)?,
         damping: not_negative("control.damping", control.damping)?,
         max_sensitivity,
+        law: control.law,
+        minimise: control.minimise,
     })
 }
 
@@ -573,6 +575,7 @@ fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
         accelerometer,
         force_sensor,
         actuator_gain: gain,
+        actuator_bandwidth: bandwidth("board.actuator.bandwidth", spec.actuator.bandwidth)?,
         force_limit: limit,
     };
     // More would mean hundreds of controller states for no real board.
@@ -596,7 +599,12 @@ fn board_sensor(entry: &str, spec: Option<&file::Sensor>) -> Checked<Option<Sens
         sensitivity: not_zero(&format!("{entry}.sensitivity"), spec.sensitivity)?,
         noise_density: not_negative(&format!("{entry}.noise_density"), spec.noise_density)?,
         offset: spec.offset,
+        bandwidth: bandwidth(&format!("{entry}.bandwidth"), spec.bandwidth)?,
     }))
+}
+
+fn bandwidth(entry: &str, hz: Option<f64>) -> Checked<Option<f64>> {
+    hz.map(|hz| positive(entry, hz)).transpose()
 }
 
 fn simulation(s: &file::Simulation, sample_rate: f64) -> Checked<()> {

@@ -10,15 +10,16 @@ use shared::LEGS;
 use shared::table::{Feedback, ValidTable};
 
 use super::{Pole, Rows, digest, feedback_name, rows};
-use crate::closed_loop::{LinearLaw, SampledLoop, close_ideal, grid, stable};
+use crate::closed_loop::{SampledLoop, close_ideal, grid, stable};
 use crate::design::ideal_poles;
 use crate::energy::{Kind, energies};
 use crate::export::Generalised;
+use crate::law::LinearLaw;
 use crate::linear::largest_singular_value;
 use crate::machine::{Machine, MachineError};
 use crate::plant::pole_peaks;
 use crate::robustness::{Robust, Spread};
-use crate::roll_off::{Band, RollOff, RollOffError};
+use crate::shaping::{Band, Shaped, ShapingError};
 use crate::study::{Study, StudyError};
 use crate::zeros::{grow, transmission_zeros};
 
@@ -150,7 +151,7 @@ impl Poles {
     ///
     /// # Errors
     /// Where an eigenvalue iteration does not end.
-    pub fn new(study: &Study, table: &ValidTable) -> Result<Self, RollOffError> {
+    pub fn new(study: &Study, table: &ValidTable) -> Result<Self, ShapingError> {
         let plant = &study.plant.plant;
         let closed = SampledLoop {
             plant: &study.plant,
@@ -158,7 +159,7 @@ impl Poles {
         };
         let ideal = ideal_poles(&plant.state_space, &study.gains);
         let (Some(ideal), Some(sampled)) = (ideal, closed.poles()) else {
-            return Err(RollOffError::Eigenvalues);
+            return Err(ShapingError::Eigenvalues);
         };
         // One of each conjugate pair; poles of the delay, faster than half the
         // sample rate, say nothing of the machine.
@@ -261,7 +262,7 @@ impl Sigma {
             let plant = &study.plant.plant;
             peaks.extend(plant.peaks());
             let ideal =
-                ideal_poles(&plant.state_space, &study.gains).ok_or(RollOffError::Eigenvalues)?;
+                ideal_poles(&plant.state_space, &study.gains).ok_or(ShapingError::Eigenvalues)?;
             peaks.extend(pole_peaks(&ideal));
             let name = feedback_name(study.design.feedback);
             let ideal_holds = stable(&ideal);
@@ -558,7 +559,7 @@ struct Column {
     /// Largest gain of the law, N/(m/s²) or 1.
     largest_gain: f64,
     /// Nothing where the target cannot be reached.
-    roll_off: Option<RollOff>,
+    shaped: Option<Shaped>,
 }
 
 impl Compared {
@@ -603,7 +604,7 @@ impl Column {
             acceleration_zeros_hz: zeros(Feedback::Acceleration),
             force_zeros_hz: zeros(Feedback::Force),
             largest_gain: study.gains.proportional.amax(),
-            roll_off: study.table().ok().map(|(_, roll_off)| roll_off),
+            shaped: study.table().ok().map(|(_, shaped)| shaped),
         })
     }
 }
@@ -638,13 +639,13 @@ impl Display for Compared {
         line(f, "largest proportional gain", &|c| {
             format!("{:.4e}", c.largest_gain)
         })?;
-        let of_loop = |c: &Column, cell: &dyn Fn(&RollOff) -> String| {
-            c.roll_off
+        let of_loop = |c: &Column, cell: &dyn Fn(&Shaped) -> String| {
+            c.shaped
                 .as_ref()
                 .map_or_else(|| "not reached".to_owned(), cell)
         };
-        line(f, "roll-off, Hz", &|c| {
-            of_loop(c, &|r| r.corner_hz.to_string())
+        line(f, "peak sensitivity", &|c| {
+            of_loop(c, &|r| format!("{:.3}", r.peak_sensitivity.value))
         })?;
         line(f, "isolates from, Hz", &|c| {
             of_loop(c, &|r| format!("{:.2}", r.isolation_from_hz))
@@ -652,7 +653,7 @@ impl Display for Compared {
         line(f, "the same, ideal loop, Hz", &|c| {
             of_loop(c, &|r| format!("{:.2}", r.isolation_from_ideal_hz))
         })?;
-        let bands = self.machines.iter().filter_map(|c| c.roll_off.as_ref());
+        let bands = self.machines.iter().filter_map(|c| c.shaped.as_ref());
         let names: Vec<_> = bands
             .flat_map(|r| r.bands.iter().map(|band| band.name.clone()))
             .fold(Vec::new(), |mut names, name| {

@@ -6,7 +6,7 @@ use serde::Serialize;
 use shared::table::ValidTable;
 
 use super::{digest, feedback_name};
-use crate::roll_off::RollOffError;
+use crate::shaping::ShapingError;
 use crate::spectrum::{Budget, Criterion, Floor, Powers, SOURCES, budget};
 use crate::study::Study;
 
@@ -133,11 +133,11 @@ impl Floors {
         floor: &Floor,
         name: String,
         band: [f64; 2],
-    ) -> Result<Self, RollOffError> {
+    ) -> Result<Self, ShapingError> {
         let side = |table| {
             let board = &study.machine.board;
             let budget = budget(&study.plant, board, table, floor, band)?;
-            Ok::<_, RollOffError>(Side::new(study, budget, band))
+            Ok::<_, ShapingError>(Side::new(study, budget, band))
         };
         Ok(Self {
             machine: study.machine.name.clone(),

@@ -11,13 +11,15 @@ use crate::energy::{Energies, Kind, energies};
 use crate::machine::{Certainty, Machine};
 use crate::multibody::reach;
 use crate::plant::{Plant, StateSpace};
-use crate::roll_off::RollOff;
+use crate::shape::Shape;
+use crate::shaping::{Shaped, Shaping};
 use crate::simulation::Comparison;
 use crate::statics::buckling_load;
 use crate::study::Study;
 use crate::zeros::{grow, transmission_zeros};
 
 pub mod analysis;
+pub mod design;
 pub mod floor;
 
 /// A matrix by rows.
@@ -368,17 +370,17 @@ impl Display for Gains {
 pub struct Simulated {
     machine: String,
     model_sha256: String,
-    roll_off: RollOff,
+    shaped: Shaped,
     simulation: Comparison,
 }
 
 impl Simulated {
     /// Of a study's loop.
-    pub fn new(study: &Study, roll_off: RollOff, simulation: Comparison) -> Self {
+    pub fn new(study: &Study, shaped: Shaped, simulation: Comparison) -> Self {
         Self {
             machine: study.machine.name.clone(),
             model_sha256: digest(&study.machine),
-            roll_off,
+            shaped,
             simulation,
         }
     }
@@ -387,22 +389,57 @@ impl Simulated {
 impl Display for Simulated {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(f, "Loop of {}", self.machine)?;
-        write_roll_off(f, &self.roll_off)?;
+        write_shaped(f, &self.shaped)?;
         write_simulation(f, &self.simulation)
     }
 }
 
-fn write_roll_off(f: &mut Formatter<'_>, r: &RollOff) -> fmt::Result {
-    writeln!(f, "Roll-off on the sampled, delayed loop")?;
+fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
+    writeln!(f, "Shaping on the sampled, delayed loop")?;
+    match &r.shaping {
+        Shaping::Common { corner_hz } => {
+            writeln!(f, "  all channels: low-pass {corner_hz} Hz")?;
+        }
+        Shaping::Modes { shapes } => {
+            writeln!(
+                f,
+                "  mode        lags, Hz    zero, Hz    zeros, Hz  damping     poles, Hz  damping"
+            )?;
+            for (i, shape) in shapes.iter().enumerate() {
+                let Shape {
+                    lags_hz: [a, b],
+                    zero_hz,
+                    notch,
+                    notch_poles,
+                } = shape;
+                writeln!(
+                    f,
+                    "  {:>4} {:>8.3} {:>8.1} {:>11.1} {:>12.1} {:>8.3} {:>13.1} {:>8.3}",
+                    i + 1,
+                    a.min(*b),
+                    a.max(*b),
+                    zero_hz,
+                    notch.hz,
+                    notch.damping,
+                    notch_poles.hz,
+                    notch_poles.damping
+                )?;
+            }
+        }
+    }
     writeln!(
         f,
-        "  low-pass {} Hz, AC coupling {} Hz (second order), leak {} Hz",
-        r.corner_hz, r.ac_coupling_hz, r.leak_hz
+        "  AC coupling {:.4} Hz (second order), leak {:.4} Hz",
+        r.ac_coupling_hz, r.leak_hz
     )?;
     writeln!(
         f,
-        "  stable; peak sensitivity {:.3} at {:.0} Hz, slowest pole {:.3} 1/s",
-        r.peak_sensitivity.value, r.peak_sensitivity.at, r.slowest_decay
+        "  stable; peak sensitivity {:.3} at {:.4} Hz (at the legs {:.3}, at the sensors {:.3}); slowest pole {:.3} 1/s",
+        r.peak_sensitivity.value,
+        r.peak_sensitivity.at,
+        r.peak_sensitivity.at_legs,
+        r.peak_sensitivity.at_sensors,
+        r.slowest_decay
     )?;
     writeln!(
         f,
@@ -467,7 +504,7 @@ pub struct Generated {
     model_sha256: String,
     modes: Modes,
     gains: Gains,
-    roll_off: RollOff,
+    shaped: Shaped,
     table: String,
     simulation: Comparison,
     not_published: Vec<Statement>,
@@ -483,14 +520,14 @@ struct Statement {
 
 impl Generated {
     /// Of a study whose table was written to `table`.
-    pub fn new(study: &Study, roll_off: RollOff, table: String, simulation: Comparison) -> Self {
+    pub fn new(study: &Study, shaped: Shaped, table: String, simulation: Comparison) -> Self {
         let machine = &study.machine;
         Self {
             machine: machine.name.clone(),
             model_sha256: digest(machine),
             modes: Modes::new(study),
             gains: Gains::new(study),
-            roll_off,
+            shaped,
             table,
             simulation,
             warnings: warnings(study),
@@ -519,7 +556,7 @@ impl Display for Generated {
         writeln!(f, "{}", self.modes)?;
         self.gains.write_gains(f)?;
         writeln!(f)?;
-        write_roll_off(f, &self.roll_off)?;
+        write_shaped(f, &self.shaped)?;
         writeln!(f)?;
         write_simulation(f, &self.simulation)?;
         if !self.not_published.is_empty() {

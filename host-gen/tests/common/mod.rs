@@ -23,16 +23,23 @@ pub fn study(text: &str) -> Study {
     Study::new(parse(text).unwrap()).unwrap()
 }
 
+/// The metrology frame under the direct law, whose roll-off is found in a
+/// fraction of the time that shapes for the modes take.
 pub fn frame() -> Study {
-    study(&model_text())
+    study(&edited(&[]))
 }
 
-/// The metrology frame with values replaced: `("bodies.frame.mass", "700.0")`,
-/// the value in TOML.
+/// The metrology frame under the direct law with values replaced:
+/// `("bodies.frame.mass", "700.0")`, the value in TOML.
 pub fn edited(edits: &[(&str, &str)]) -> String {
     let mut table: Table = model_text().parse().unwrap();
     // It names entries that an edit may take away.
     table.remove("provenance");
+    set(
+        &mut table,
+        "control.law",
+        Value::String("direct".to_owned()),
+    );
     for (key, value) in edits {
         let value: Table = format!("x = {value}").parse().unwrap();
         set(&mut table, key, value["x"].clone());

@@ -117,7 +117,7 @@ fn in_the_loop(study: &Study, samples: u32, machine: &str, image: &Path) -> Outc
         if k == samples / 5 * 4 {
             rig.floor_gain = ROUGH;
         }
-        let (adc, _) = rig.sample();
+        let adc = rig.sample();
         let expected = host.on_sample(adc);
         let reply = board.exchange(&request(adc))?;
         let output = parse_reply(&reply)?;

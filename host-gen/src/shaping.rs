@@ -1,9 +1,10 @@
-//! The roll-off that the sampled loop bears.
+//! The shaping that the sampled loop bears.
 //!
 //! Above the suspension modes the ideal loop gain is a constant of several
-//! hundred, which no delay allows. One first-order low-pass, common to all
-//! channels, takes it down; the highest corner for which the true sampled loop
-//! is stable with the asked peak sensitivity is the nearest to the ideal.
+//! hundred, which no delay allows. The direct law has one first-order low-pass,
+//! common to all channels, and its highest corner for which the true sampled
+//! loop is stable with the asked peak sensitivity is the nearest to the ideal.
+//! The modal law has a shape for each mode ([`crate::tuning`]).
 
 use nalgebra::Complex;
 use serde::Serialize;
@@ -11,24 +12,43 @@ use shared::LEGS;
 use shared::table::{TableError, ValidTable};
 
 use crate::closed_loop::{
-    LinearLaw, LoopGrid, PeakSensitivity, SampledLoop, close_ideal, corner, grid, highest_db,
+    ELSEWHERE, LoopGrid, PeakSensitivity, SampledLoop, close_ideal, corner, grid, highest_db,
     stable,
 };
 use crate::design::{Design, Gains, ideal_poles};
-use crate::machine::{Machine, Target};
+use crate::law::LinearLaw;
+use crate::machine::{LawName, Machine, Target};
 use crate::plant::{SampledPlant, pole_peaks};
+use crate::shape::Shape;
 use crate::table;
+use crate::tuning;
 use crate::zeros::{grow, transmission_zeros};
 
 /// The sampled loop's corner may lie this much above the ideal loop's before
 /// the target counts as missed: half an octave.
 pub const CORNER_SLACK: f64 = core::f64::consts::SQRT_2;
 
-/// The chosen roll-off and what it gives.
+/// What shapes the loop.
 #[derive(Clone, Debug, Serialize)]
-pub struct RollOff {
-    /// Corner of the low-pass, Hz.
-    pub corner_hz: f64,
+#[serde(rename_all = "snake_case")]
+pub enum Shaping {
+    /// The direct law.
+    Common {
+        /// Corner of the low-pass, Hz.
+        corner_hz: f64,
+    },
+    /// The modal law, by mode.
+    Modes {
+        /// Slowest mode first.
+        shapes: Vec<Shape>,
+    },
+}
+
+/// The chosen shaping and what it gives.
+#[derive(Clone, Debug, Serialize)]
+pub struct Shaped {
+    /// What shapes the loop.
+    pub shaping: Shaping,
     /// Corner of the AC coupling, Hz.
     pub ac_coupling_hz: f64,
     /// Corner of the leak, Hz.
@@ -63,9 +83,9 @@ pub struct Band {
     pub sampled_db: f64,
 }
 
-/// Why there is no roll-off.
+/// Why there is no shaping.
 #[derive(Debug, thiserror::Error)]
-pub enum RollOffError {
+pub enum ShapingError {
     /// The board's numbers make no table.
     #[error("the board's numbers make no table: {0}")]
     Table(#[from] TableError),
@@ -115,7 +135,7 @@ impl core::fmt::Display for Nearest {
 
 /// A loop with one roll-off that is stable within the bound.
 struct Trial {
-    corner_hz: f64,
+    shaping: Shaping,
     table: ValidTable,
     poles: Vec<Complex<f64>>,
 }
@@ -123,17 +143,15 @@ struct Trial {
 /// What one target comes to.
 struct Found {
     target: Target,
-    gains: Gains,
+    ideal: Ideal,
     trial: Trial,
-    ideal_poles: Vec<Complex<f64>>,
     isolation_from_hz: f64,
-    isolation_from_ideal_hz: f64,
     peak_sensitivity: PeakSensitivity,
 }
 
 /// Why one target comes to nothing.
 enum Miss {
-    Error(RollOffError),
+    Error(ShapingError),
     /// No corner is stable with the asked sensitivity.
     Unstable,
     /// The highest corner isolates only from `sampled` Hz, the ideal loop from
@@ -150,19 +168,22 @@ impl From<TableError> for Miss {
     }
 }
 
-/// Chooses the roll-off for the machine's target and gives the table.
+/// Chooses the shaping for the machine's target and gives the table. `progress`
+/// is called after every trial.
 ///
 /// # Errors
-/// Where no roll-off reaches the target, with the nearest that one reaches.
+/// Where no shaping reaches the target, with the nearest that one reaches.
 pub fn choose(
     machine: &Machine,
     design: &Design,
     plant: &SampledPlant,
-) -> Result<(ValidTable, RollOff), RollOffError> {
+    progress: &dyn Fn(),
+) -> Result<(ValidTable, Shaped), ShapingError> {
     let search = Search {
         machine,
         design,
         plant,
+        progress,
     };
     let target = machine.target;
     let delay = 1e6 * machine.board.whole_delay();
@@ -170,10 +191,10 @@ pub fn choose(
         Ok(found) => return Ok((found.trial.table, search.describe(&found))),
         Err(Miss::Error(error)) => return Err(error),
         Err(Miss::Late { ideal, sampled }) => format!(
-            "the highest roll-off that {delay:.0} µs of delay allows isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz"
+            "the best loop that {delay:.0} µs of delay allows isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz"
         ),
         Err(Miss::Unstable) => format!(
-            "with {delay:.0} µs of delay no roll-off keeps the sampled loop stable with a peak sensitivity of {}",
+            "with {delay:.0} µs of delay no shaping keeps the sampled loop stable with a peak sensitivity of {} and isolating from near its corner",
             target.max_sensitivity
         ),
     };
@@ -181,7 +202,7 @@ pub fn choose(
     if zeros.is_some_and(|zeros| grow(&zeros)) {
         reason += ", and no gain can: what its sensors leave free is unstable under gravity (host-gen zeros); stiffen the legs sideways";
     }
-    Err(RollOffError::Unreachable {
+    Err(ShapingError::Unreachable {
         asked: target.frequency,
         damping: target.damping,
         reason,
@@ -194,27 +215,129 @@ struct Search<'a> {
     machine: &'a Machine,
     design: &'a Design,
     plant: &'a SampledPlant,
+    progress: &'a dyn Fn(),
+}
+
+/// The unsampled loop for one target.
+struct Ideal {
+    gains: Gains,
+    poles: Vec<Complex<f64>>,
+    isolation_from_hz: f64,
 }
 
 impl Search<'_> {
-    /// The highest corner for `target`, if the target can be reached.
-    fn reach(&self, target: Target) -> Result<Found, Miss> {
-        let unsolved = || Miss::Error(RollOffError::Eigenvalues);
-        let gains = self.design.gains(&target);
-        let loops = LoopGrid::new(self.plant, &self.design.modal, LOWEST * target.frequency);
-        let (trial, peak_sensitivity) = self.highest_corner(&target, &gains, &loops)?;
-        let ideal_poles =
-            ideal_poles(&self.plant.plant.state_space, &gains).ok_or_else(unsolved)?;
+    fn ideal(&self, target: &Target) -> Result<Ideal, Miss> {
+        let gains = self.design.gains(target);
+        let plant = &self.plant.plant;
+        let poles = ideal_poles(&plant.state_space, &gains)
+            .ok_or(Miss::Error(ShapingError::Eigenvalues))?;
+        let [low, high] = isolation_band(self.design, target.frequency);
+        let isolation_from_hz = corner(low, high, &pole_peaks(&poles), |hz| {
+            close_ideal(plant, &gains, hz, plant.whole()) * plant.rigid_floor.map(Complex::from)
+        });
+        Ok(Ideal {
+            gains,
+            poles,
+            isolation_from_hz,
+        })
+    }
 
+    /// The zeros as peaks: a fast loop moves its poles near them.
+    fn sharp(&self, target: Target) -> Vec<(f64, f64)> {
+        let state_space = &self.plant.plant.state_space;
+        pole_peaks(&transmission_zeros(state_space, target.feedback).unwrap_or_default())
+    }
+
+    /// The search for shapes of the modes.
+    fn tuning(&self, target: Target, ideal: &Ideal, bound: f64) -> tuning::Search<'_> {
+        let holds = stable(&ideal.poles);
+        let reference = self
+            .machine
+            .bands
+            .iter()
+            .map(|(_, low, high)| {
+                if holds {
+                    self.ideal_db(ideal, *low, *high)
+                } else {
+                    self.open_db(*low, *high)
+                }
+            })
+            .collect::<Vec<_>>();
+        tuning::Search::new(
+            self.machine,
+            self.design,
+            self.plant,
+            Target {
+                max_sensitivity: bound,
+                ..target
+            },
+            &reference,
+            CORNER_SLACK * ideal.isolation_from_hz,
+            &self.sharp(target),
+        )
+    }
+
+    /// The best shapes for `target`, if there are any.
+    fn best_shapes(
+        &self,
+        target: Target,
+        ideal: &Ideal,
+        loops: &LoopGrid,
+    ) -> Result<(Trial, PeakSensitivity), Miss> {
+        let mut bound = target.max_sensitivity;
+        // The grid may miss the very top of a peak: a little more room then.
+        for _ in 0..4 {
+            let shapes = self
+                .tuning(target, ideal, bound)
+                .run(self.progress)
+                .ok_or(Miss::Unstable)?;
+            let table = table::modal(self.machine, self.design, &target, &shapes)?;
+            let closed = self.closed(&table);
+            let poles = closed
+                .poles()
+                .ok_or(Miss::Error(ShapingError::Eigenvalues))?;
+            let peak = loops.peak(self.plant, &closed.law);
+            if std::env::var_os("DBG").is_some() {
+                eprintln!(
+                    "peak {peak:?} {} iso ideal {}",
+                    stable(&poles),
+                    ideal.isolation_from_hz
+                );
+            }
+            if stable(&poles) && peak.within(target.max_sensitivity) {
+                let shaping = Shaping::Modes {
+                    shapes: shapes.to_vec(),
+                };
+                return Ok((
+                    Trial {
+                        shaping,
+                        table,
+                        poles,
+                    },
+                    peak,
+                ));
+            }
+            let elsewhere = peak.at_legs.max(peak.at_sensors) / ELSEWHERE;
+            bound *= 0.99 * (target.max_sensitivity / peak.value.max(elsewhere)).min(1.0);
+        }
+        Err(Miss::Unstable)
+    }
+
+    /// The best loop for `target`, if the target can be reached.
+    fn reach(&self, target: Target) -> Result<Found, Miss> {
+        let ideal = self.ideal(&target)?;
+        let low = SLOWEST * target.frequency;
+        let loops = LoopGrid::new(self.plant, &self.design.modal, low, &self.sharp(target));
+        let (trial, peak_sensitivity) = match target.law {
+            LawName::Direct => self.highest_corner(&target, &ideal.gains, &loops)?,
+            LawName::Modal => self.best_shapes(target, &ideal, &loops)?,
+        };
         let [low, high] = isolation_band(self.design, target.frequency);
         let sampled = self.closed(&trial.table);
-        let plant = &self.plant.plant;
         let isolation_from_hz = corner(low, high, &pole_peaks(&trial.poles), |hz| {
             sampled.transmissibility(hz)
         });
-        let isolation_from_ideal_hz = corner(low, high, &pole_peaks(&ideal_poles), |hz| {
-            close_ideal(plant, &gains, hz, plant.whole()) * plant.rigid_floor.map(Complex::from)
-        });
+        let isolation_from_ideal_hz = ideal.isolation_from_hz;
         if isolation_from_hz > CORNER_SLACK * isolation_from_ideal_hz {
             return Err(Miss::Late {
                 ideal: isolation_from_ideal_hz,
@@ -223,11 +346,9 @@ impl Search<'_> {
         }
         Ok(Found {
             target,
-            gains,
+            ideal,
             trial,
-            ideal_poles,
             isolation_from_hz,
-            isolation_from_ideal_hz,
             peak_sensitivity,
         })
     }
@@ -248,7 +369,7 @@ impl Search<'_> {
         loops: &LoopGrid,
         hz: f64,
     ) -> Result<Option<Trial>, Miss> {
-        let table = table::build(self.machine, target, gains, hz)?;
+        let table = table::direct(self.machine, target, gains, hz)?;
         let closed = self.closed(&table);
         // The bound first: it is much the cheaper.
         if !loops.within(&closed.law, target.max_sensitivity) {
@@ -256,9 +377,9 @@ impl Search<'_> {
         }
         let poles = closed
             .poles()
-            .ok_or(Miss::Error(RollOffError::Eigenvalues))?;
+            .ok_or(Miss::Error(ShapingError::Eigenvalues))?;
         Ok(stable(&poles).then_some(Trial {
-            corner_hz: hz,
+            shaping: Shaping::Common { corner_hz: hz },
             table,
             poles,
         }))
@@ -296,7 +417,7 @@ impl Search<'_> {
         while corner > LOWEST * target.frequency {
             if let Some(trial) = holds(corner)? {
                 let peak = loops.peak(self.plant, &LinearLaw::new(&trial.table));
-                if peak.value <= target.max_sensitivity {
+                if peak.within(target.max_sensitivity) {
                     return Ok((trial, peak));
                 }
             }
@@ -306,14 +427,22 @@ impl Search<'_> {
     }
 
     /// The lowest target frequency above the asked one that can be reached.
-    fn nearest(&self) -> Result<Nearest, RollOffError> {
+    fn nearest(&self) -> Result<Nearest, ShapingError> {
         let reaches = |frequency: f64| {
             let target = Target {
                 frequency,
                 ..self.machine.target
             };
-            match self.reach(target) {
-                Ok(_) => Ok(true),
+            let reached = match target.law {
+                LawName::Direct => self.reach(target).map(|_| true),
+                // What has something to begin with has a best.
+                LawName::Modal => self.ideal(&target).map(|ideal| {
+                    self.tuning(target, &ideal, target.max_sensitivity)
+                        .is_feasible()
+                }),
+            };
+            match reached {
+                Ok(reached) => Ok(reached),
                 Err(Miss::Error(error)) => Err(error),
                 Err(_) => Ok(false),
             }
@@ -342,7 +471,7 @@ impl Search<'_> {
         Ok(Nearest::At(if reaches(rounded)? { rounded } else { above }))
     }
 
-    fn describe(&self, found: &Found) -> RollOff {
+    fn describe(&self, found: &Found) -> Shaped {
         let closed = self.closed(&found.trial.table);
         let slowest = found
             .trial
@@ -350,12 +479,12 @@ impl Search<'_> {
             .iter()
             .map(|s| s.re)
             .fold(f64::MIN, f64::max);
-        RollOff {
-            corner_hz: found.trial.corner_hz,
+        Shaped {
+            shaping: found.trial.shaping.clone(),
             ac_coupling_hz: table::AC_COUPLING * found.target.frequency,
             leak_hz: table::LEAK * found.target.frequency,
             peak_sensitivity: found.peak_sensitivity,
-            isolation_from_ideal_hz: found.isolation_from_ideal_hz,
+            isolation_from_ideal_hz: found.ideal.isolation_from_hz,
             isolation_from_hz: found.isolation_from_hz,
             slowest_decay: slowest,
             bands: self.bands(found, &closed),
@@ -363,8 +492,7 @@ impl Search<'_> {
     }
 
     fn bands(&self, found: &Found, closed: &SampledLoop<'_>) -> Vec<Band> {
-        let plant = &self.plant.plant;
-        let rows = plant.performance();
+        let rows = self.plant.plant.performance();
         self.machine
             .bands
             .iter()
@@ -372,14 +500,9 @@ impl Search<'_> {
                 name: name.clone(),
                 low_hz: *low,
                 high_hz: *high,
-                open_db: highest_db(&grid(*low, *high, 300, &plant.peaks()), |hz| {
-                    plant.response(hz).from_floor(rows.clone())
-                }),
-                ideal_db: if stable(&found.ideal_poles) {
-                    let points = grid(*low, *high, 300, &pole_peaks(&found.ideal_poles));
-                    highest_db(&points, |hz| {
-                        close_ideal(plant, &found.gains, hz, rows.clone())
-                    })
+                open_db: self.open_db(*low, *high),
+                ideal_db: if stable(&found.ideal.poles) {
+                    self.ideal_db(&found.ideal, *low, *high)
                 } else {
                     f64::NAN
                 },
@@ -390,14 +513,35 @@ impl Search<'_> {
             })
             .collect()
     }
+
+    /// The highest σ_max(G11) from `low` to `high` Hz without control.
+    fn open_db(&self, low: f64, high: f64) -> f64 {
+        let plant = &self.plant.plant;
+        highest_db(&grid(low, high, 300, &plant.peaks()), |hz| {
+            plant.response(hz).from_floor(plant.performance())
+        })
+    }
+
+    /// The same under the unsampled law.
+    fn ideal_db(&self, ideal: &Ideal, low: f64, high: f64) -> f64 {
+        let plant = &self.plant.plant;
+        let points = grid(low, high, 300, &pole_peaks(&ideal.poles));
+        highest_db(&points, |hz| {
+            close_ideal(plant, &ideal.gains, hz, plant.performance())
+        })
+    }
 }
 
 /// The search's step in frequency.
 const SCAN: f64 = 1.25;
 
 /// A roll-off below this part of the target frequency leaves nothing of the
-/// law; frequencies below it are not looked at either.
-pub(crate) const LOWEST: f64 = 0.02;
+/// law.
+const LOWEST: f64 = 0.02;
+
+/// The loop is looked at from this part of the target frequency on: far below
+/// AC coupling and leak.
+pub(crate) const SLOWEST: f64 = 1e-3;
 
 /// Where the corner is looked for, Hz: from well below the target `frequency`
 /// to well above the suspension.

@@ -1,0 +1,201 @@
+//! The law of a table as a linear system: what [`shared::step`] does while
+//! nothing is clamped, without rounding.
+
+use nalgebra::{Complex, DMatrix, DVector, Matrix6};
+use shared::LEGS;
+use shared::table::{Channel, Direct, Modal, Paths, Section, ValidTable};
+
+type Six = Matrix6<Complex<f64>>;
+
+/// From sensor values to forces, with the table's rounded coefficients.
+#[derive(Clone, Copy, Debug)]
+pub struct LinearLaw {
+    ac_coupling: f64,
+    leak: f64,
+    paths: Paths,
+}
+
+/// ξ⁺ = A·ξ + B·y, σ = C·ξ + D·y.
+#[derive(Clone, Debug)]
+pub struct LawStateSpace {
+    /// A.
+    pub a: DMatrix<f64>,
+    /// B, six columns.
+    pub b: DMatrix<f64>,
+    /// C, six rows.
+    pub c: DMatrix<f64>,
+    /// D.
+    pub d: DMatrix<f64>,
+}
+
+impl LinearLaw {
+    /// The law that `table` holds.
+    pub fn new(table: &ValidTable) -> Self {
+        let table = table.get();
+        Self {
+            ac_coupling: table.ac_coupling.into(),
+            leak: table.law.leak.into(),
+            paths: table.law.paths,
+        }
+    }
+
+    /// σ = C(z)·y.
+    pub fn response(&self, z: Complex<f64>) -> Six {
+        let high_pass = ac_coupling(self.ac_coupling, z);
+        match &self.paths {
+            Paths::Direct(direct) => {
+                let coefficient = f64::from(direct.roll_off);
+                let low_pass = z * coefficient / (z - 1.0 + coefficient);
+                let shaping = -(high_pass * low_pass);
+                let integral = integral(self.leak, z);
+                direct.proportional.map(|p| shaping * f64::from(p))
+                    + direct.integral.map(|i| shaping * integral * f64::from(i))
+            }
+            Paths::Modal(modal) => {
+                let mut modes = modal.input.map(|x| Complex::from(f64::from(x)));
+                for (i, channel) in modal.channels.iter().enumerate() {
+                    let gain = -high_pass * channel_response(channel, modal.sections, self.leak, z);
+                    modes.row_mut(i).iter_mut().for_each(|x| *x *= gain);
+                }
+                modal.output.map(|x| Complex::from(f64::from(x))) * modes
+            }
+        }
+    }
+
+    /// As matrices.
+    pub fn state_space(&self) -> LawStateSpace {
+        let sections = match &self.paths {
+            Paths::Direct(_) => 0,
+            Paths::Modal(modal) => modal.sections,
+        };
+        let states = LEGS * (4 + 2 * sections);
+        let mut law = Signals {
+            states,
+            next: DMatrix::zeros(states, states + LEGS),
+        };
+        let y = law.at(states);
+        let h1 = law.at(0);
+        let v = y - &h1;
+        law.set(0, h1 + self.ac_coupling * &v);
+        let h2 = law.at(LEGS);
+        let w = v - &h2;
+        law.set(LEGS, h2 + self.ac_coupling * &w);
+        let [before_at, integral_at] = [2, 3].map(|i| LEGS * i);
+        let before = law.at(before_at);
+        let kept = (1.0 - self.leak) * law.at(integral_at);
+        let force = match &self.paths {
+            Paths::Direct(Direct {
+                roll_off,
+                proportional,
+                integral,
+            }) => {
+                let r = &before + f64::from(*roll_off) * (w - &before);
+                let x = kept + matrix(integral) * (&r + before);
+                law.set(integral_at, x.clone());
+                law.set(before_at, r.clone());
+                -(x + matrix(proportional) * r)
+            }
+            Paths::Modal(Modal {
+                input,
+                channels,
+                output,
+                ..
+            }) => {
+                let mut r = matrix(input) * w;
+                for j in 0..sections {
+                    let of = |part: fn(&Section) -> f32| {
+                        diagonal(channels, |channel| part(&channel.sections[j]))
+                    };
+                    let at = LEGS * (4 + 2 * j);
+                    let (x1, x2) = (law.at(at), law.at(at + LEGS));
+                    let out = of(|s| s.direct) * &r + of(|s| s.band) * &x1 + of(|s| s.low) * &x2;
+                    let slope = r - of(|s| s.damping) * &x1 - &x2;
+                    law.set(at + LEGS, x2 + of(|s| s.rate) * &x1);
+                    law.set(at, x1 + of(|s| s.rate) * slope);
+                    r = out;
+                }
+                let x = kept + diagonal(channels, |channel| channel.integral) * (&r + before);
+                law.set(integral_at, x.clone());
+                law.set(before_at, r.clone());
+                let asked = x + diagonal(channels, |channel| channel.proportional) * r;
+                -(matrix(output) * asked)
+            }
+        };
+        let part =
+            |all: &DMatrix<f64>, from: usize, count: usize| all.columns(from, count).into_owned();
+        LawStateSpace {
+            a: part(&law.next, 0, states),
+            b: part(&law.next, states, LEGS),
+            c: part(&force, 0, states),
+            d: part(&force, states, LEGS),
+        }
+    }
+}
+
+/// Six signals as rows of coefficients on states and inputs before the step.
+struct Signals {
+    states: usize,
+    next: DMatrix<f64>,
+}
+
+impl Signals {
+    /// The six states, or inputs, from `first` on.
+    fn at(&self, first: usize) -> DMatrix<f64> {
+        let mut rows = DMatrix::zeros(LEGS, self.states + LEGS);
+        rows.view_mut((0, first), (LEGS, LEGS)).fill_with_identity();
+        rows
+    }
+
+    fn set(&mut self, first: usize, rows: DMatrix<f64>) {
+        self.next.rows_mut(first, LEGS).copy_from(&rows);
+    }
+}
+
+fn matrix(m: &Matrix6<f32>) -> DMatrix<f64> {
+    DMatrix::from_fn(LEGS, LEGS, |i, j| m[(i, j)].into())
+}
+
+fn diagonal(channels: &[Channel; LEGS], of: impl Fn(&Channel) -> f32) -> DMatrix<f64> {
+    let values = channels.iter().map(|channel| f64::from(of(channel)));
+    DMatrix::from_diagonal(&DVector::from_iterator(LEGS, values))
+}
+
+/// Both high-passes, with coefficient c.
+pub fn ac_coupling(c: f64, z: Complex<f64>) -> Complex<f64> {
+    let one = (z - 1.0) / (z - 1.0 + c);
+    one * one
+}
+
+/// The trapezoidal integral over T/2, leaking.
+fn integral(leak: f64, z: Complex<f64>) -> Complex<f64> {
+    (z + 1.0) / (z - 1.0 + leak)
+}
+
+/// Sections, then proportional plus integral.
+pub fn channel_response(
+    channel: &Channel,
+    sections: usize,
+    leak: f64,
+    z: Complex<f64>,
+) -> Complex<f64> {
+    let shaping: Complex<f64> = channel.sections[..sections]
+        .iter()
+        .map(|section| section_response(section, z))
+        .product();
+    shaping * (integral(leak, z) * f64::from(channel.integral) + f64::from(channel.proportional))
+}
+
+/// One section.
+pub fn section_response(section: &Section, z: Complex<f64>) -> Complex<f64> {
+    let [c, d, direct, band, low] = [
+        section.rate,
+        section.damping,
+        section.direct,
+        section.band,
+        section.low,
+    ]
+    .map(f64::from);
+    let delta = z - 1.0;
+    let low_pass = c * c / (delta * (delta + c * d) + c * c);
+    direct + low_pass * (low + delta * (band / c))
+}
