@@ -15,6 +15,7 @@
 //! | [`shape`], [`tuning`] | design, sampled plant | the best shape of each mode |
 //! | [`shaping`] | all of these | the shaping that the sampled loop bears |
 //! | [`margins`] | the loop | disk margins, Bode's integral |
+//! | [`rounding`] | a table | what single precision costs |
 //! | [`robustness`] | machine, table | the same controller on machines drawn about the file's |
 //! | [`table`] | gains and board | the table and its Rust source |
 //! | [`spectrum`] | sampled plant, table, a floor | spectra, their sources, the criterion met |
@@ -39,6 +40,7 @@ pub mod multibody;
 pub mod output;
 pub mod plant;
 pub mod robustness;
+pub mod rounding;
 pub mod shape;
 pub mod shaping;
 pub mod simulation;

@@ -1,7 +1,7 @@
 //! How far the sampled loop is from its limits: disk margins and Bode's
 //! integral.
 
-use core::f64::consts::TAU;
+use core::f64::consts::LN_2;
 
 use nalgebra::{Complex, Matrix6};
 use serde::Serialize;
@@ -61,10 +61,10 @@ pub struct Bode {
     /// Amplification, the same where it is negative, Hz.
     pub amplification_hz: f64,
     /// What the amplification could be at most within the bound: all modes at
-    /// ln Ms from the frequency where the sensitivity first passes 1 to the
-    /// inverse of the delay, 1/(2π·τ), Hz.
+    /// ln Ms from the crossover to 1/(2τ), where the delay alone turns the loop
+    /// by half a turn and hardly any gain may be left, Hz.
     pub limit_hz: f64,
-    /// From that frequency, Hz.
+    /// Up to here the modes are, on the mean, attenuated by half or more, Hz.
     pub crossover_hz: f64,
 }
 
@@ -114,11 +114,10 @@ pub fn margins(
             bode.amplification_hz += part;
         }
     }
-    // From the top down, the first attenuation.
-    if let Some(last) = logarithms.iter().rposition(|log| *log < -0.1) {
+    if let Some(last) = logarithms.iter().rposition(|log| *log < -LN_2) {
         bode.crossover_hz = points[last];
     }
-    bode.limit_hz = (1.0 / (TAU * delay) - bode.crossover_hz).max(0.0) * bound.ln();
+    bode.limit_hz = (0.5 / delay - bode.crossover_hz).max(0.0) * bound.ln();
     Margins {
         modes: single.map(Margin::new),
         together: Margin::new(together),

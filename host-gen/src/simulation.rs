@@ -163,6 +163,8 @@ pub struct Rig {
     floor: [[f64; LEGS]; 2],
     /// Scales the floor from here on; 1 at first.
     pub floor_gain: f64,
+    /// Added to every sensor's offset from here on, V; 0 at first.
+    pub drift: [f64; LEGS],
 }
 
 impl Rig {
@@ -216,6 +218,7 @@ impl Rig {
             output_noise: stream(2),
             floor: [[0.0; LEGS]; 2],
             floor_gain: 1.0,
+            drift: [0.0; LEGS],
             board: *board,
             plant,
         }
@@ -238,7 +241,8 @@ impl Rig {
         let Board { sensor, adc, .. } = &self.board;
         core::array::from_fn(|i| {
             let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
-            adc.code(y[0][i] * sensor.sensitivity + sensor.offset + self.input_noise * normal)
+            let offset = sensor.offset + self.drift[i];
+            adc.code(y[0][i] * sensor.sensitivity + offset + self.input_noise * normal)
         })
     }
 

@@ -4,7 +4,7 @@ mod common;
 
 use core::f64::consts::TAU;
 
-use common::{edited, frame, study};
+use common::{edited, encirclements, frame, study};
 use host_gen::closed_loop::{LoopGrid, SampledLoop, stable};
 use host_gen::law::LinearLaw;
 use host_gen::linear::largest_singular_value;
@@ -161,38 +161,6 @@ fn corner_of(shaped: &Shaped) -> f64 {
         Shaping::Common { corner_hz } => corner_hz,
         Shaping::Modes { .. } => panic!("not the direct law"),
     }
-}
-
-/// How often det(1 + L) goes round the origin as z goes round the unit circle,
-/// which is the number of unstable closed-loop poles: the open loop has none.
-fn encirclements(study: &Study, law: &LinearLaw) -> i32 {
-    let plant = &study.plant;
-    let at = |hz: f64| {
-        let g22 = plant.response(hz).g22();
-        (Matrix6::identity() - law.response(plant.z(hz)) * g22).determinant()
-    };
-    // The upper half of the circle, refined until no step turns far.
-    let mut turns = 0.0;
-    let top = 0.5 / plant.period;
-    let mut points: Vec<f64> = (0..4000)
-        .map(|i| 1e-4 * (top / 1e-4_f64).powf(f64::from(i) / 3999.0))
-        .rev()
-        .collect();
-    let mut low = points.pop().unwrap();
-    let mut value = at(low);
-    while let Some(high) = points.pop() {
-        let next = at(high);
-        let turn = (next / value).arg();
-        if turn.abs() > 0.3 && high - low > 1e-9 * high {
-            points.push(high);
-            points.push(0.5 * (low + high));
-            continue;
-        }
-        turns += turn;
-        (low, value) = (high, next);
-    }
-    // Twice, for the lower half.
-    -(2.0 * turns / TAU).round() as i32
 }
 
 /// Stability by the argument principle, where eigenvalues say the same and

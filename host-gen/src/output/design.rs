@@ -15,6 +15,7 @@ use crate::law::LinearLaw;
 use crate::machine::{Board, Machine};
 use crate::margins::{Margins, margins};
 use crate::plant::{Gain, pole_peaks};
+use crate::rounding::{Rounding, rounding};
 use crate::shaping::{Shaped, ShapingError, isolation_band};
 use crate::study::{Study, StudyError};
 
@@ -32,6 +33,7 @@ pub struct Designed {
     modes: Vec<Mode>,
     margins: Margins,
     delay: Delay,
+    rounding: Vec<Rounding>,
     chart: Vec<Cell>,
 }
 
@@ -144,6 +146,7 @@ impl Designed {
             modes,
             margins,
             delay: Delay::new(board),
+            rounding: rounding(machine, table),
             chart: if chart {
                 other_boards(machine, progress)?
             } else {
@@ -285,11 +288,16 @@ impl Display for Designed {
         )?;
         writeln!(
             f,
-            "  at the bound from {:.0} Hz to the inverse of the delay it would be {:.0} Hz: {:.0} % of that is used",
+            "  at the bound from {:.0} Hz to where the delay alone is half a turn it would be {:.0} Hz: {:.0} % of that is used",
             bode.crossover_hz,
             bode.limit_hz,
             100.0 * bode.amplification_hz / bode.limit_hz
         )?;
+        write!(f, "Single precision over sensor noise, dB:")?;
+        for Rounding { hz, over_noise_db } in &self.rounding {
+            write!(f, " {over_noise_db:.0} at {hz:.0} Hz")?;
+        }
+        writeln!(f)?;
         if !self.chart.is_empty() {
             write!(f, "Other boards      whole delay")?;
             for band in &self.shaped.bands {

@@ -1,10 +1,13 @@
 //! Machines for the tests: the metrology frame and edits of it.
 #![allow(dead_code, reason = "each test file uses its part")]
 
+use core::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
+use host_gen::law::LinearLaw;
 use host_gen::machine::{Machine, MachineError};
 use host_gen::study::Study;
+use nalgebra::Matrix6;
 use toml::{Table, Value};
 
 pub fn model_path() -> PathBuf {
@@ -67,4 +70,36 @@ pub fn set(table: &mut Table, key: &str, value: Value) {
 pub fn assert_digits(found: f64, expected: &str) {
     let decimals = expected.split_once('.').map_or(0, |(_, d)| d.len());
     assert_eq!(format!("{found:.decimals$}"), expected);
+}
+
+/// How often det(1 + L) goes round the origin as z goes round the unit circle,
+/// which is the number of unstable closed-loop poles: the open loop has none.
+pub fn encirclements(study: &Study, law: &LinearLaw) -> i32 {
+    let plant = &study.plant;
+    let at = |hz: f64| {
+        let g22 = plant.response(hz).g22();
+        (Matrix6::identity() - law.response(plant.z(hz)) * g22).determinant()
+    };
+    // The upper half of the circle, refined until no step turns far.
+    let mut turns = 0.0;
+    let top = 0.5 / plant.period;
+    let mut points: Vec<f64> = (0..4000)
+        .map(|i| 1e-4 * (top / 1e-4_f64).powf(f64::from(i) / 3999.0))
+        .rev()
+        .collect();
+    let mut low = points.pop().unwrap();
+    let mut value = at(low);
+    while let Some(high) = points.pop() {
+        let next = at(high);
+        let turn = (next / value).arg();
+        if turn.abs() > 0.3 && high - low > 1e-9 * high {
+            points.push(high);
+            points.push(0.5 * (low + high));
+            continue;
+        }
+        turns += turn;
+        (low, value) = (high, next);
+    }
+    // Twice, for the lower half.
+    -(2.0 * turns / TAU).round() as i32
 }
