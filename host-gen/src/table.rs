@@ -2,13 +2,14 @@
 
 use std::fmt::Write as _;
 
-use nalgebra::Matrix6;
+use nalgebra::{Complex, Matrix6};
 use shared::LEGS;
 use shared::table::{
     Channel, Direct, FORMAT_VERSION, Feedback, Law, Modal, Paths, Table, TableError, ValidTable,
 };
 
 use crate::design::{Design, Gains, ModalTransform};
+use crate::law::LinearLaw;
 use crate::machine::{Machine, Target};
 use crate::shape::Shape;
 
@@ -88,7 +89,7 @@ fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidT
     let board = &machine.board;
     let period = board.period();
     let frequency = target.frequency;
-    Table {
+    let table = Table {
         version: FORMAT_VERSION,
         model: machine.digest,
         sample_rate: board.sample_rate as f32,
@@ -96,6 +97,7 @@ fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidT
         sensors: [board.adc.calibration(board.sensor.sensitivity); LEGS],
         adc_max: board.adc.max(),
         ac_coupling: coefficient(AC_COUPLING * frequency, period) as f32,
+        ac_limit: f32::MAX,
         law: Law {
             paths,
             leak: coefficient(LEAK * frequency, period) as f32,
@@ -104,7 +106,17 @@ fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidT
         actuators: [board.dac.drive(board.actuator_gain, board.force_limit); LEGS],
         dac_max: board.dac.max(),
     }
-    .validate()
+    .validate()?;
+    // Past twice what takes a leg to its limit at f_n it is a shock.
+    let z = Complex::cis(core::f64::consts::TAU * frequency * period);
+    let most = LinearLaw::new(&table)
+        .response(z)
+        .row_iter()
+        .map(|row| row.iter().map(|x| x.norm()).sum::<f64>())
+        .fold(0.0, f64::max);
+    let mut table = *table.get();
+    table.ac_limit = (2.0 * board.force_limit / most) as f32;
+    table.validate()
 }
 
 /// The Rust source of a table: the same table gives the same bytes, and the
@@ -161,6 +173,8 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     line("    ],");
     line(&format!("    adc_max: AdcCode({}),", t.adc_max.0));
     line(&format!("    ac_coupling: {:?},", t.ac_coupling));
+    line(&format!("    // {sensor_unit}."));
+    line(&format!("    ac_limit: {:?},", t.ac_limit));
     line("    law: Law {");
     match &t.law.paths {
         Paths::Direct(direct) => emit_direct(&mut line, direct, t.feedback),

@@ -12,7 +12,6 @@ use host_gen::machine::Simulation;
 use host_gen::plant::{Gain, StateSpace};
 use host_gen::shaping::{Nearest, Shaped, Shaping, ShapingError};
 use host_gen::simulation::run;
-use host_gen::study::Study;
 use host_gen::table::direct;
 use nalgebra::{Complex, DMatrix, Matrix6};
 

@@ -3,8 +3,8 @@
 //! Per sample, with y the calibrated sensor values:
 //!
 //! ```text
-//! h1 += c_ac·(y − h1)          v = y − h1       AC coupling, twice
-//! h2 += c_ac·(v − h2)          w = v − h2       (each with the state before)
+//! v   = y − h1      h1 += c_ac·v                AC coupling, twice; neither
+//! w   = v − h2      h2 += c_ac·w                average follows more than a limit
 //! ```
 //!
 //! then, through the matrices of Eq. (14),
@@ -133,9 +133,9 @@ pub fn step(
     let [h1, h2] = &mut state.averages;
     let w: Six = core::array::from_fn(|i| {
         let v = y[i] - h1[i];
-        h1[i] += t.ac_coupling * v;
+        h1[i] += t.ac_coupling * bounded(v, t.ac_limit);
         let w = v - h2[i];
-        h2[i] += t.ac_coupling * w;
+        h2[i] += t.ac_coupling * bounded(w, t.ac_limit);
         w
     });
     let limits = core::array::from_fn(|i| t.actuators[i].limit);
@@ -256,6 +256,18 @@ impl Section {
     }
 }
 
+/// `x` held within ±`limit`. Not `f32::clamp`: that can panic.
+#[inline]
+fn bounded(x: f32, limit: f32) -> f32 {
+    if x > limit {
+        limit
+    } else if x < -limit {
+        -limit
+    } else {
+        x
+    }
+}
+
 /// Whether every force is within its limit; NaN is not.
 #[inline]
 fn inside(force: &Six, limits: &Six) -> bool {
@@ -303,14 +315,7 @@ fn clamp(force: &Six, limits: &Six) -> Option<(Six, f32)> {
     let held = core::array::from_fn(|i| {
         let scaled = force[i] * scale;
         // The product may round past the limit by one unit in the last place.
-        // Not `f32::clamp`: it can panic.
-        if scaled > limits[i] {
-            limits[i]
-        } else if scaled < -limits[i] {
-            -limits[i]
-        } else {
-            scaled
-        }
+        bounded(scaled, limits[i])
     });
     Some((held, scale))
 }

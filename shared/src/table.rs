@@ -11,7 +11,7 @@ use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, Drive};
 
 /// The table layout this code reads.
-pub const FORMAT_VERSION: u16 = 2;
+pub const FORMAT_VERSION: u16 = 3;
 
 /// SHA-256 of the machine description a table was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,6 +164,10 @@ pub struct Table {
     /// AC coupling of every sensor: two first-order high-passes with this
     /// coefficient, 0 to leave it out.
     pub ac_coupling: f32,
+    /// The averages that the AC coupling takes off follow no deviation larger
+    /// than this, sensor units: a shock does not become an offset that the
+    /// legs then push against for the coupling's time constant.
+    pub ac_limit: f32,
     /// The law.
     pub law: Law,
     /// Actuator channels, in the order of the law's rows.
@@ -183,8 +187,8 @@ pub enum TableError {
     Sensor(usize),
     /// The ADC's highest code is not positive.
     AdcRange,
-    /// AC coupling or roll-off outside 0 to 1, or a roll-off that passes
-    /// nothing.
+    /// AC coupling or roll-off outside 0 to 1, a roll-off that passes nothing,
+    /// or an AC coupling that follows nothing.
     Shaping,
     /// More sections than there is room for.
     Sections,
@@ -207,7 +211,7 @@ impl core::fmt::Display for TableError {
             Self::SampleRate => f.write_str("the sample rate is not positive and finite"),
             Self::Sensor(i) => write!(f, "sensor channel {i}: calibration not finite or zero"),
             Self::AdcRange => f.write_str("the ADC's highest code is not positive"),
-            Self::Shaping => f.write_str("AC coupling or roll-off lies outside 0 to 1"),
+            Self::Shaping => f.write_str("AC coupling or roll-off lies outside its range"),
             Self::Sections => write!(f, "a channel has room for {SECTIONS} sections"),
             Self::Section(i) => write!(f, "channel {i} has a section that is not stable"),
             Self::Gain(i) => write!(f, "gain row {i} is not finite"),
@@ -255,7 +259,7 @@ impl Table {
         if self.adc_max.0 <= 0 {
             return Err(TableError::AdcRange);
         }
-        if !fraction(self.ac_coupling) {
+        if !(fraction(self.ac_coupling) && self.ac_limit > 0.0) {
             return Err(TableError::Shaping);
         }
         if !(fraction(self.law.leak) && fraction(self.law.anti_windup)) {

@@ -20,6 +20,7 @@ fn table() -> Table {
         sensors: [Adc::new(16, 10.0).unwrap().calibration(20.0); LEGS],
         adc_max: AdcCode(32767),
         ac_coupling: 0.0,
+        ac_limit: f32::MAX,
         law: Law {
             paths: Paths::Direct(DIRECT),
             leak: 0.0,
@@ -162,6 +163,32 @@ fn a_constant_offset_gives_no_kick_and_dies_out() {
     assert!(last.abs() <= CODE, "{last} N");
 }
 
+/// A shock of any height moves the AC coupling's average by its limit a time
+/// constant and no more; a shift that stays is still followed.
+#[test]
+fn a_shock_is_no_offset() {
+    let mut t = direct(Direct {
+        proportional: Matrix6::identity() * 1e3,
+        ..DIRECT
+    });
+    t.ac_coupling = 1e-3;
+    t.ac_limit = 1e-3;
+    let t = valid(t);
+    let mut state = State::settled_on(&t, [AdcCode(0); LEGS]);
+    for _ in 0..100 {
+        step(&t, &mut state, [AdcCode(30_000); LEGS], LegForces::ZERO);
+    }
+    let after = force(step(&t, &mut state, [AdcCode(0); LEGS], LegForces::ZERO).dac[0]);
+    // Both averages rose by 100·1e-3·1e-3 m/s², at 1000 N/(m/s²).
+    assert!((after - 0.2).abs() <= CODE, "{after} N");
+    // 100 codes are 1.5e-3 m/s², past the limit.
+    for _ in 0..20_000 {
+        step(&t, &mut state, [AdcCode(100); LEGS], LegForces::ZERO);
+    }
+    let settled = force(step(&t, &mut state, [AdcCode(100); LEGS], LegForces::ZERO).dac[0]);
+    assert!(settled.abs() <= CODE, "{settled} N");
+}
+
 /// A second of overload, then a small pull the other way: with anti-windup the
 /// legs follow within some of its time constants, without it they stay at the
 /// limit for as long as they were overloaded.
@@ -251,6 +278,8 @@ fn every_bad_field_is_refused() {
     );
     refused(&|t| t.adc_max = AdcCode(0), TableError::AdcRange);
     refused(&|t| t.ac_coupling = -0.1, TableError::Shaping);
+    refused(&|t| t.ac_limit = 0.0, TableError::Shaping);
+    refused(&|t| t.ac_limit = f32::NAN, TableError::Shaping);
     refused(&|t| t.law.leak = 1.5, TableError::Integral);
     refused(&|t| t.law.anti_windup = f32::NAN, TableError::Integral);
     let refused_direct = |change: &dyn Fn(&mut Direct), expected| {

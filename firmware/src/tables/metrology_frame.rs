@@ -12,7 +12,7 @@ use shared::table::{
 /// The table, checked by the compiler.
 #[rustfmt::skip]
 pub static TABLE: ValidTable = match (Table {
-    version: 2,
+    version: 3,
     model: ModelDigest([
         0x0f, 0x33, 0x60, 0x80, 0x87, 0x3b, 0x70, 0x53,
         0x3c, 0x6b, 0x9a, 0x45, 0xf4, 0xa7, 0x3f, 0xe7,
@@ -33,6 +33,8 @@ pub static TABLE: ValidTable = match (Table {
     ],
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
+    // m/s².
+    ac_limit: 0.00048857776,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
