@@ -1,7 +1,5 @@
 //! What the controller does on machines that are not quite the one in the file.
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use rayon::prelude::*;
 use serde::Serialize;
 use shared::table::ValidTable;
@@ -9,7 +7,7 @@ use shared::table::ValidTable;
 use crate::closed_loop::{LoopGrid, SampledLoop, corner, grid, highest_db, stable};
 use crate::design::{Design, ideal_poles};
 use crate::law::LinearLaw;
-use crate::machine::{Machine, Robustness};
+use crate::machine::Machine;
 use crate::multibody::Multibody;
 use crate::plant::{Plant, SampledPlant, pole_peaks};
 use crate::shaping::{Band, SLOWEST, ShapingError, isolation_band};
@@ -88,46 +86,16 @@ pub fn monte_carlo(
     progress: impl Fn() + Sync,
 ) -> Result<Robust, StudyError> {
     let settings = &study.machine.robustness;
-    // A stream of its own for every sample: the order in which the cores take
-    // them does not matter.
     let samples: Vec<Sample> = (0..settings.samples)
         .into_par_iter()
         .map(|i| {
-            let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
-            random.set_stream(i as u64);
-            let machine = drawn(&study.machine, settings, &mut random);
-            let sample = Sample::new(study, machine, table, bands);
+            let sample = Sample::new(study, study.machine.drawn(i), table, bands);
             progress();
             sample
         })
         .collect::<Result<_, _>>()?;
     let nominal = Sample::new(study, study.machine.clone(), table, bands)?;
     Ok(summary(&nominal, &samples, bands))
-}
-
-/// A machine of the same kind: payload heavier or lighter and its centre of
-/// gravity elsewhere, every leg stiffer or softer.
-fn drawn(machine: &Machine, settings: &Robustness, random: &mut ChaCha8Rng) -> Machine {
-    // Even between −1 and 1.
-    let mut even = || (random.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
-    let mut machine = machine.clone();
-    for &i in &settings.payload {
-        let body = &mut machine.bodies[i];
-        let factor = 1.0 + settings.mass * even();
-        body.mass *= factor;
-        body.inertia *= factor;
-        for x in body.cog.iter_mut() {
-            *x += settings.cog * even();
-        }
-    }
-    for &leg in &machine.actuators {
-        let stiffness = &mut machine.beams[leg].stiffness;
-        let factor = 1.0 + settings.leg_stiffness * even();
-        stiffness.axial *= factor;
-        stiffness.torsion *= factor;
-        stiffness.bending = stiffness.bending.map(|x| x * factor);
-    }
-    machine
 }
 
 impl Sample {

@@ -12,6 +12,8 @@ mod validate;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use sha2::{Digest, Sha256};
 use shared::LEGS;
 use shared::codes::{Adc, Dac};
@@ -304,6 +306,35 @@ impl Machine {
         machine.target.feedback = feedback;
         machine.board.sensor = sensor;
         Some(machine)
+    }
+
+    /// Machine `index` of those drawn about this one: payload heavier or lighter
+    /// and its centre of gravity elsewhere, every leg stiffer or softer. Each
+    /// has a random stream of its own, so the order does not matter.
+    pub fn drawn(&self, index: usize) -> Self {
+        let settings = &self.robustness;
+        let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
+        random.set_stream(index as u64);
+        // Even between −1 and 1.
+        let mut even = || (random.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
+        let mut machine = self.clone();
+        for &i in &settings.payload {
+            let body = &mut machine.bodies[i];
+            let factor = 1.0 + settings.mass * even();
+            body.mass *= factor;
+            body.inertia *= factor;
+            for x in body.cog.iter_mut() {
+                *x += settings.cog * even();
+            }
+        }
+        for &leg in &machine.actuators {
+            let stiffness = &mut machine.beams[leg].stiffness;
+            let factor = 1.0 + settings.leg_stiffness * even();
+            stiffness.axial *= factor;
+            stiffness.torsion *= factor;
+            stiffness.bending = stiffness.bending.map(|x| x * factor);
+        }
+        machine
     }
 
     /// `fault`, placed in this machine's file.

@@ -441,6 +441,13 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
         r.peak_sensitivity.at_sensors,
         r.slowest_decay
     )?;
+    if let Some(drawn) = r.drawn {
+        writeln!(
+            f,
+            "  on machines drawn about it: stable on {} of {}, peak sensitivity up to {:.3}",
+            drawn.stable, drawn.samples, drawn.peak_sensitivity
+        )?;
+    }
     writeln!(
         f,
         "  isolates from {:.2} Hz (ideal loop: from {:.2} Hz)",
