@@ -20,6 +20,11 @@ pub const AC_COUPLING: f64 = 0.05;
 /// The integral leaks this far below ω_n.
 pub const LEAK: f64 = 0.01;
 
+/// Far enough from what a quiet floor gives that the AC coupling is linear
+/// there, and near enough that half a second of shock leaves less than the legs
+/// can push.
+const SHOCK: f64 = 20.0;
+
 /// c of a first-order section with its corner at `hz`, increment form.
 pub fn coefficient(hz: f64, period: f64) -> f64 {
     -(-core::f64::consts::TAU * hz * period).exp_m1()
@@ -107,7 +112,7 @@ fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidT
         dac_max: board.dac.max(),
     }
     .validate()?;
-    // Past twice what takes a leg to its limit at f_n it is a shock.
+    // Past so many times what takes a leg to its limit at f_n it is a shock.
     let z = Complex::cis(core::f64::consts::TAU * frequency * period);
     let most = LinearLaw::new(&table)
         .response(z)
@@ -115,7 +120,7 @@ fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidT
         .map(|row| row.iter().map(|x| x.norm()).sum::<f64>())
         .fold(0.0, f64::max);
     let mut table = *table.get();
-    table.ac_limit = (2.0 * board.force_limit / most) as f32;
+    table.ac_limit = (SHOCK * board.force_limit / most) as f32;
     table.validate()
 }
 

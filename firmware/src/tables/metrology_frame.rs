@@ -34,7 +34,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.00048857776,
+    ac_limit: 0.004885778,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
