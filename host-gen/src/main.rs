@@ -14,7 +14,7 @@ use host_gen::output::analysis::{Compared, Frequencies, PlantMatrices, Poles, Ze
 use host_gen::output::design::Designed;
 use host_gen::output::{self, Gains, Generated, Modes, Simulated};
 use host_gen::robustness::monte_carlo;
-use host_gen::shaping::{Shaped, ShapingError};
+use host_gen::shaping::{Effort, Shaped, ShapingError};
 use host_gen::simulation::{Comparison, compare};
 use host_gen::spectrum::{Criterion, Floor};
 use host_gen::study::{Study, StudyError};
@@ -193,7 +193,7 @@ struct FloorChoice {
 struct DesignArguments {
     #[command(flatten)]
     common: Common,
-    /// Design for other sample rates and delays too: about a minute.
+    /// Design for other sample rates and delays too: half a minute more.
     #[arg(long)]
     chart: bool,
 }
@@ -427,7 +427,7 @@ fn design(arguments: &DesignArguments) -> Result<(), Failure> {
     let study = study(model)?;
     let bar = search_bar();
     let outcome = study
-        .table_with(&|| bar.inc(1))
+        .table_with(Effort::Full, &|| bar.inc(1))
         .map_err(StudyError::from)
         .and_then(|(table, shaped)| {
             Designed::new(&study, &table, shaped, arguments.chart, &|| bar.inc(1))
@@ -566,7 +566,7 @@ fn simulate(arguments: &Simulate) -> Result<(), Failure> {
 
 fn table(model: &Path, study: &Study) -> Result<(ValidTable, Shaped), Failure> {
     let bar = search_bar();
-    let outcome = study.table_with(&|| bar.inc(1));
+    let outcome = study.table_with(Effort::Full, &|| bar.inc(1));
     bar.finish_and_clear();
     outcome.map_err(in_loop(model))
 }

@@ -188,6 +188,24 @@ impl From<TableError> for Miss {
     }
 }
 
+/// How long to look for the shapes of the modal law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// To the end, and held against machines drawn about this one.
+    Full,
+    /// A few seconds, to compare boards.
+    Rough,
+}
+
+impl Effort {
+    fn trials(self) -> usize {
+        match self {
+            Self::Full => tuning::TRIALS,
+            Self::Rough => tuning::ROUGH_TRIALS,
+        }
+    }
+}
+
 /// Chooses the shaping for the machine's target and gives the table. `progress`
 /// is called after every trial.
 ///
@@ -197,9 +215,11 @@ pub fn choose(
     machine: &Machine,
     design: &Design,
     plant: &SampledPlant,
+    effort: Effort,
     progress: &dyn Fn(),
 ) -> Result<(ValidTable, Shaped), ShapingError> {
     let search = Search {
+        effort,
         machine,
         design,
         plant,
@@ -235,6 +255,7 @@ struct Search<'a> {
     machine: &'a Machine,
     design: &'a Design,
     plant: &'a SampledPlant,
+    effort: Effort,
     progress: &'a dyn Fn(),
 }
 
@@ -310,7 +331,8 @@ impl Search<'_> {
         // The grid may miss the very top of a peak, and another machine than
         // this one may have a higher one: a little more room then.
         for _ in 0..3 {
-            let Some(shapes) = self.tuning(target, ideal, bound).run(self.progress) else {
+            let tuning = self.tuning(target, ideal, bound);
+            let Some(shapes) = tuning.run(self.effort.trials(), self.progress) else {
                 break;
             };
             let table = table::modal(self.machine, self.design, &target, &shapes)?;
@@ -323,14 +345,18 @@ impl Search<'_> {
                 .value
                 .max(peak.at_legs.max(peak.at_sensors) / ELSEWHERE);
             if stable(&poles) && peak.within(asked) {
-                let drawn = self.drawn(&target, &closed.law)?;
-                let holds = drawn.stable == drawn.samples && drawn.peak_sensitivity <= asked;
-                highest = highest.max(drawn.peak_sensitivity);
+                let drawn = match self.effort {
+                    Effort::Full => Some(self.drawn(&target, &closed.law)?),
+                    Effort::Rough => None,
+                };
+                let holds =
+                    drawn.is_none_or(|d| d.stable == d.samples && d.peak_sensitivity <= asked);
+                highest = highest.max(drawn.map_or(0.0, |d| d.peak_sensitivity));
                 let trial = Trial {
                     shaping: Shaping::Modes {
                         shapes: shapes.to_vec(),
                     },
-                    drawn: Some(drawn),
+                    drawn,
                     table,
                     poles,
                 };

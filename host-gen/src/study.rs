@@ -4,7 +4,7 @@ use crate::design::{Design, Gains};
 use crate::machine::{Machine, MachineError};
 use crate::multibody::Multibody;
 use crate::plant::{Plant, SampledPlant};
-use crate::shaping::{Shaped, ShapingError, choose};
+use crate::shaping::{Effort, Shaped, ShapingError, choose};
 use shared::table::ValidTable;
 
 /// Why a study, or what is done with its loop, comes to nothing.
@@ -51,11 +51,15 @@ impl Study {
 
     /// The table with the shaping that the sampled loop bears.
     pub fn table(&self) -> Result<(ValidTable, Shaped), ShapingError> {
-        self.table_with(&|| {})
+        self.table_with(Effort::Full, &|| {})
     }
 
     /// The same; `progress` is called after every trial.
-    pub fn table_with(&self, progress: &dyn Fn()) -> Result<(ValidTable, Shaped), ShapingError> {
-        choose(&self.machine, &self.design, &self.plant, progress)
+    pub fn table_with(
+        &self,
+        effort: Effort,
+        progress: &dyn Fn(),
+    ) -> Result<(ValidTable, Shaped), ShapingError> {
+        choose(&self.machine, &self.design, &self.plant, effort, progress)
     }
 }

@@ -104,6 +104,9 @@ const LATE: f64 = 1e4;
 /// The search ends after this many trials at the latest.
 pub const TRIALS: usize = 15_000;
 
+/// Enough to compare boards by: some dB from the best.
+pub const ROUGH_TRIALS: usize = 4_000;
+
 /// The bound is kept this far, for peaks between the points of the grid.
 const MARGIN: f64 = 0.995;
 
@@ -302,14 +305,15 @@ impl<'a> Search<'a> {
     }
 
     /// The best shapes found; none if nothing is stable within the bound, or does
-    /// not isolate from near the corner. `progress` is called after every trial.
-    pub fn run(&self, progress: impl Fn()) -> Option<[Shape; LEGS]> {
+    /// not isolate from near the corner. Ends after `most` trials at the latest;
+    /// `progress` is called after every one.
+    pub fn run(&self, most: usize, progress: impl Fn()) -> Option<[Shape; LEGS]> {
         let (mut places, mut best) = self.start()?;
         let trials = Cell::new(0);
         let progress = || {
             trials.set(trials.get() + 1);
             progress();
-            trials.get() < TRIALS
+            trials.get() < most
         };
         self.scan(&mut places, &mut best, &progress);
         self.scan(&mut places, &mut best, &progress);

@@ -100,7 +100,7 @@ fn the_budget_is_what_the_simulation_shows() {
         // Loud enough that rounding to codes does not count.
         board.sensor.noise_density = if source == 1 { 2e-6 } else { 0.0 };
         board.adc_noise = if source == 2 { 4e-3 } else { 0.0 };
-        board.dac_noise = if source == 3 { 10e-3 } else { 0.0 };
+        board.dac_noise = if source == 3 { 2e-3 } else { 0.0 };
         let board = &study.machine.board;
         let [low, high] = settings.floor_band;
         let shape =

@@ -16,7 +16,7 @@ use crate::machine::{Board, Machine};
 use crate::margins::{Margins, margins};
 use crate::plant::{Gain, pole_peaks};
 use crate::rounding::{Rounding, rounding};
-use crate::shaping::{Shaped, ShapingError, isolation_band};
+use crate::shaping::{Effort, Shaped, ShapingError, isolation_band};
 use crate::study::{Study, StudyError};
 
 /// Where isolation is told, Hz.
@@ -95,7 +95,7 @@ struct Cell {
 
 impl Designed {
     /// Of a study with its table. With `chart`, designs for other boards too,
-    /// which takes a dozen times as long.
+    /// which takes some times as long.
     ///
     /// # Errors
     /// Where an eigenvalue iteration does not end.
@@ -182,7 +182,7 @@ impl Isolation {
 }
 
 /// The same machine at once and twice the sample rate, with the latch where it
-/// is, 10 and 20 µs sooner, and 10 µs later.
+/// is, 10 and 20 µs sooner, and 10 µs later, each with a rough search.
 fn other_boards(machine: &Machine, progress: &(dyn Fn() + Sync)) -> Result<Vec<Cell>, StudyError> {
     let mut boards = Vec::new();
     for rate in [1.0, 2.0] {
@@ -201,7 +201,7 @@ fn other_boards(machine: &Machine, progress: &(dyn Fn() + Sync)) -> Result<Vec<C
         .map(|machine| {
             let board = machine.board;
             let study = Study::new(machine)?;
-            let sampled_db = match study.table_with(&progress) {
+            let sampled_db = match study.table_with(Effort::Rough, &progress) {
                 Ok((_, shaped)) => shaped.bands.iter().map(|band| band.sampled_db).collect(),
                 Err(ShapingError::Unreachable { .. }) => Vec::new(),
                 Err(error) => return Err(error.into()),
@@ -299,7 +299,7 @@ impl Display for Designed {
         }
         writeln!(f)?;
         if !self.chart.is_empty() {
-            write!(f, "Other boards      whole delay")?;
+            write!(f, "Other boards, roughly   delay")?;
             for band in &self.shaped.bands {
                 write!(f, " {:>14}", band.name)?;
             }
