@@ -8,7 +8,7 @@ use shared::LEGS;
 use crate::design::Gains;
 use crate::law::LinearLaw;
 use crate::linear::{eigenvalues, largest_singular_value};
-use crate::plant::{Gain, Plant, SampledPlant};
+use crate::plant::{Gain, Plant, SampledPlant, pole_peaks};
 
 type Six = Matrix6<Complex<f64>>;
 
@@ -48,9 +48,11 @@ pub struct PeakSensitivity {
 pub const ELSEWHERE: f64 = 1.5;
 
 impl PeakSensitivity {
-    /// Whether the bound is kept, and its [`ELSEWHERE`]-fold at legs and sensors.
-    pub fn within(&self, bound: f64) -> bool {
-        self.value <= bound && self.at_legs.max(self.at_sensors) <= ELSEWHERE * bound
+    /// What the bound is for: Ms, or what legs and sensors have over
+    /// [`ELSEWHERE`] if that is more.
+    pub fn bounded(&self) -> f64 {
+        self.value
+            .max(self.at_legs.max(self.at_sensors) / ELSEWHERE)
     }
 }
 
@@ -82,33 +84,32 @@ impl LoopGrid {
         }
     }
 
-    /// 1 + L at the three openings.
-    fn return_differences(&self, g22: &Six, c: &Six) -> [(Opening, Six); 3] {
-        let at_legs = -(c * g22);
+    /// 1 + L.
+    fn return_difference(&self, opening: Opening, g22: &Six, c: &Six) -> Six {
         let one = Six::identity();
-        [
-            (Opening::Legs, one + at_legs),
-            (Opening::Sensors, one - g22 * c),
-            (
-                Opening::Modes,
-                one + self.to_modes * at_legs * self.from_modes,
-            ),
-        ]
+        match opening {
+            Opening::Modes => one + self.to_modes * -(c * g22) * self.from_modes,
+            Opening::Legs => one - c * g22,
+            Opening::Sensors => one - g22 * c,
+        }
     }
 
     /// Whether the sensitivity is within `bound` everywhere on the grid, as
-    /// [`PeakSensitivity::within`]. Says nothing about stability.
+    /// [`PeakSensitivity::bounded`]. Says nothing about stability.
     pub fn within(&self, law: &LinearLaw, bound: f64) -> bool {
         // σ_min(1 + L) ≥ 1/bound where (1 + L)ᴴ(1 + L) − 1/bound² is positive
         // definite, which a Cholesky factorisation tells much faster than
         // singular values do.
+        let bounds = [
+            (Opening::Modes, bound),
+            (Opening::Legs, ELSEWHERE * bound),
+            (Opening::Sensors, ELSEWHERE * bound),
+        ];
         self.points.iter().all(|(_, z, g22)| {
-            self.return_differences(g22, &law.response(*z))
-                .into_iter()
-                .all(|(opening, d)| match opening {
-                    Opening::Modes => keeps(d, bound),
-                    Opening::Legs | Opening::Sensors => keeps(d, ELSEWHERE * bound),
-                })
+            let c = law.response(*z);
+            bounds
+                .iter()
+                .all(|&(opening, bound)| keeps(self.return_difference(opening, g22, &c), bound))
         })
     }
 
@@ -127,11 +128,8 @@ impl LoopGrid {
     /// The highest peak at one opening, and its frequency, Hz.
     fn climb(&self, plant: &SampledPlant, law: &LinearLaw, opening: Opening) -> (f64, f64) {
         let at = |hz: f64, g22: &Six| {
-            self.return_differences(g22, &law.response(plant.z(hz)))
-                .into_iter()
-                .filter(|(own, _)| *own == opening)
-                .map(|(_, d)| 1.0 / d.singular_values().min())
-                .fold(0.0, f64::max)
+            let difference = self.return_difference(opening, g22, &law.response(plant.z(hz)));
+            1.0 / difference.singular_values().min()
         };
         let (index, mut best) = self
             .points
@@ -282,6 +280,17 @@ impl SampledLoop<'_> {
             .collect();
         poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
         Some(poles)
+    }
+
+    /// The peak sensitivity from `low` Hz on of the loop with these `poles`, its
+    /// modes those of `modal`, S of Eq. (17).
+    pub fn peak_sensitivity(
+        &self,
+        modal: &Matrix6<f64>,
+        low: f64,
+        poles: &[Complex<f64>],
+    ) -> PeakSensitivity {
+        LoopGrid::new(self.plant, modal, low, &pole_peaks(poles)).peak(self.plant, &self.law)
     }
 
     /// Floor accelerations to `rows` of the plant's outputs at `hz`.

@@ -1,5 +1,7 @@
 //! The gains of section 4 of the paper, on the rigid design model.
 
+use core::ops::Range;
+
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Matrix6xX};
 use shared::LEGS;
 use shared::table::Feedback;
@@ -150,17 +152,26 @@ impl Design {
 }
 
 /// Modes nearer than this part of each other count as one.
-pub const ALIKE: f64 = 1e-6;
+const ALIKE: f64 = 1e-6;
+
+/// Modes of one frequency, by their ω², ascending.
+pub(crate) fn alike(squares: &[f64]) -> Vec<Range<usize>> {
+    let mut groups: Vec<Range<usize>> = Vec::new();
+    for (i, square) in squares.iter().enumerate() {
+        match groups.last_mut() {
+            Some(group) if (square / squares[group.start]).sqrt() - 1.0 < ALIKE => group.end += 1,
+            _ => groups.push(i..i + 1),
+        }
+    }
+    groups
+}
 
 /// Turns the shapes of equal modes, which are only known up to a rotation, and
 /// all signs to the same ones on every processor: the first row that is as long
 /// as any gets one entry, a positive one, and so on with the columns left.
 fn canonical(squares: &DVector<f64>, shapes: &mut DMatrix<f64>) {
     let n = squares.len();
-    let mut start = 0;
-    while start < n {
-        let alike = |i: &usize| (squares[*i] / squares[start]).sqrt() - 1.0 < ALIKE;
-        let end = (start..n).take_while(alike).last().map_or(start, |i| i) + 1;
+    for Range { start, end } in alike(squares.as_slice()) {
         for column in start..end {
             let length = |row: usize| shapes.view((row, column), (1, end - column)).norm();
             let longest = (0..n).map(length).fold(0.0, f64::max);
@@ -184,7 +195,6 @@ fn canonical(squares: &DVector<f64>, shapes: &mut DMatrix<f64>) {
                 shapes.column_mut(column).neg_mut();
             }
         }
-        start = end;
     }
     // What symmetry makes zero.
     let smallest = 1e-12 * shapes.amax();

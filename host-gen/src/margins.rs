@@ -76,8 +76,8 @@ pub fn margins(
     bound: f64,
     peaks: &[(f64, f64)],
 ) -> Margins {
-    let output = design.transform().output.map(Complex::from);
-    let back = output.try_inverse().expect("modes are independent");
+    let to_modes = design.modal.transpose().map(Complex::from);
+    let from_modes = to_modes.try_inverse().expect("modes are independent");
     let plant = closed.plant;
     let top = 0.5 / plant.period;
     let points = grid(SLOWEST, top, 3000, peaks);
@@ -87,7 +87,7 @@ pub fn margins(
     let half = Matrix6::from_diagonal_element(Complex::from(0.5));
     for &hz in &points {
         let law = closed.law.response(plant.z(hz));
-        let through = back * law * plant.response(hz).g22() * output;
+        let through = to_modes * law * plant.response(hz).g22() * from_modes;
         let difference = Matrix6::identity() - through;
         let Some(sensitivity) = difference.try_inverse() else {
             logarithms.push(f64::INFINITY);

@@ -4,12 +4,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 use shared::table::ValidTable;
 
-use crate::closed_loop::{LoopGrid, SampledLoop, corner, grid, highest_db, stable};
-use crate::design::{Design, ideal_poles};
+use crate::closed_loop::{SampledLoop, corner, grid, highest_db, stable};
+use crate::design::ideal_poles;
 use crate::law::LinearLaw;
 use crate::machine::Machine;
-use crate::multibody::Multibody;
-use crate::plant::{Plant, SampledPlant, pole_peaks};
+use crate::plant::pole_peaks;
 use crate::shaping::{Band, SLOWEST, ShapingError, isolation_band};
 use crate::study::{Study, StudyError};
 
@@ -105,9 +104,14 @@ impl Sample {
         table: &ValidTable,
         bands: &[Band],
     ) -> Result<Self, StudyError> {
-        let model = Multibody::new(&machine)?;
-        let design = Design::new(&machine, &model, study.design.feedback)?;
-        let plant = Plant::new(&machine, &model, &design)?;
+        // The machine is its own, the controller the study's.
+        let Study {
+            machine,
+            design,
+            plant: sampled,
+            ..
+        } = Study::new(machine)?;
+        let plant = &sampled.plant;
         let ideal =
             ideal_poles(&plant.state_space, &study.gains).ok_or(ShapingError::Eigenvalues)?;
         let open = plant
@@ -115,7 +119,6 @@ impl Sample {
             .iter()
             .map(|pole| pole.lambda)
             .collect::<Vec<_>>();
-        let sampled = SampledPlant::new(plant, &machine.board);
         let law = LinearLaw::new(table);
         let closed = SampledLoop {
             plant: &sampled,
@@ -124,8 +127,6 @@ impl Sample {
         let poles = closed.poles().ok_or(ShapingError::Eigenvalues)?;
         let frequency = machine.target.frequency;
         let peaks = pole_peaks(&poles);
-        // The controller's own modal coordinates.
-        let loops = LoopGrid::new(&sampled, &study.design.modal, SLOWEST * frequency, &peaks);
         let [low, high] = isolation_band(&design, frequency);
         let rows = sampled.plant.performance();
         let upper = |poles: &[nalgebra::Complex<f64>]| {
@@ -138,7 +139,10 @@ impl Sample {
         let fastest = core::f64::consts::PI / sampled.period;
         Ok(Self {
             stable: stable(&poles),
-            peak_sensitivity: loops.peak(&sampled, &law).value,
+            // In the controller's own modal coordinates.
+            peak_sensitivity: closed
+                .peak_sensitivity(&study.design.modal, SLOWEST * frequency, &poles)
+                .value,
             isolation_from_hz: corner(low, high, &peaks, |hz| closed.transmissibility(hz)),
             bands: bands
                 .iter()

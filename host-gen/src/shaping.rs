@@ -13,8 +13,7 @@ use shared::LEGS;
 use shared::table::{TableError, ValidTable};
 
 use crate::closed_loop::{
-    ELSEWHERE, LoopGrid, PeakSensitivity, SampledLoop, close_ideal, corner, grid, highest_db,
-    stable,
+    LoopGrid, PeakSensitivity, SampledLoop, close_ideal, corner, grid, highest_db, stable,
 };
 use crate::design::{Design, Gains, ideal_poles};
 use crate::law::LinearLaw;
@@ -76,8 +75,7 @@ pub struct Drawn {
     pub samples: usize,
     /// On how many of them the loop is stable.
     pub stable: usize,
-    /// Highest peak sensitivity: at the modes, and anywhere over
-    /// [`ELSEWHERE`] if that is more.
+    /// Highest peak sensitivity, [`PeakSensitivity::bounded`].
     pub peak_sensitivity: f64,
 }
 
@@ -341,10 +339,8 @@ impl Search<'_> {
                 .poles()
                 .ok_or(Miss::Error(ShapingError::Eigenvalues))?;
             let peak = loops.peak(self.plant, &closed.law);
-            let mut highest = peak
-                .value
-                .max(peak.at_legs.max(peak.at_sensors) / ELSEWHERE);
-            if stable(&poles) && peak.within(asked) {
+            let mut highest = peak.bounded();
+            if stable(&poles) && peak.bounded() <= asked {
                 let drawn = match self.effort {
                     Effort::Full => Some(self.drawn(&target, &closed.law)?),
                     Effort::Rough => None,
@@ -384,16 +380,15 @@ impl Search<'_> {
                     return Ok(None);
                 };
                 let plant = &study.plant;
-                let poles = SampledLoop { plant, law: *law }.poles();
-                let poles = poles.ok_or(Miss::Error(ShapingError::Eigenvalues))?;
-                if !stable(&poles) {
-                    return Ok(None);
-                }
-                let sharp = pole_peaks(&poles);
-                let loops = LoopGrid::new(plant, &self.design.modal, low, &sharp);
-                let peak = loops.peak(plant, law);
-                let elsewhere = peak.at_legs.max(peak.at_sensors) / ELSEWHERE;
-                Ok(Some(peak.value.max(elsewhere)))
+                let closed = SampledLoop { plant, law: *law };
+                let poles = closed
+                    .poles()
+                    .ok_or(Miss::Error(ShapingError::Eigenvalues))?;
+                Ok(stable(&poles).then(|| {
+                    closed
+                        .peak_sensitivity(&self.design.modal, low, &poles)
+                        .bounded()
+                }))
             })
             .collect::<Result<Vec<_>, Miss>>()?;
         let stable = peaks.iter().flatten();
@@ -499,7 +494,7 @@ impl Search<'_> {
         while corner > LOWEST * target.frequency {
             if let Some(trial) = holds(corner)? {
                 let peak = loops.peak(self.plant, &LinearLaw::new(&trial.table));
-                if peak.within(target.max_sensitivity) {
+                if peak.bounded() <= target.max_sensitivity {
                     return Ok((trial, peak));
                 }
             }

@@ -55,38 +55,36 @@ pub fn modal(
     target: &Target,
     shapes: &[Shape; LEGS],
 ) -> Result<ValidTable, TableError> {
+    let ModalTransform { input, output } = design.transform();
     with_paths(
         machine,
         target,
-        Paths::Modal(modal_paths(machine, design, target, shapes)),
+        Paths::Modal(Modal {
+            input: input.map(|x| x as f32),
+            channels: channels(design, target, shapes, machine.board.period()),
+            sections: Shape::SECTIONS,
+            output: output.map(|x| x as f32),
+        }),
     )
 }
 
 /// The modes' gains with their sections: Eqs. (19) to (22) in the coordinates
 /// of Eq. (17).
-pub fn modal_paths(
-    machine: &Machine,
+pub fn channels(
     design: &Design,
     target: &Target,
     shapes: &[Shape; LEGS],
-) -> Modal {
-    let period = machine.board.period();
+    period: f64,
+) -> [Channel; LEGS] {
     let omega = target.omega();
-    let ModalTransform { input, output } = design.transform();
-    let channel = |i: usize| {
+    core::array::from_fn(|i| {
         let whole = (design.omega[i] / omega).powi(2);
         Channel {
             sections: shapes[i].sections(period),
             proportional: (whole - 1.0) as f32,
             integral: (2.0 * target.damping * omega * whole * 0.5 * period) as f32,
         }
-    };
-    Modal {
-        input: input.map(|x| x as f32),
-        channels: core::array::from_fn(channel),
-        sections: Shape::SECTIONS,
-        output: output.map(|x| x as f32),
-    }
+    })
 }
 
 /// The clamp's excess leaves the integral with time constant 1/ω_n.

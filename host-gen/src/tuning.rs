@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use shared::LEGS;
 
 use crate::closed_loop::{ELSEWHERE, grid, keeps};
-use crate::design::{ALIKE, Design};
+use crate::design::{Design, alike};
 use crate::law::{ac_coupling, channel_response};
 use crate::linear::largest_singular_value;
 use crate::machine::{Machine, Minimise, Target};
@@ -87,7 +87,7 @@ pub struct Search<'a> {
     /// From rigid floor motion to the rigid whole, where that is to be small.
     isolation: Vec<Seen>,
     /// Channels that are shaped alike, because their modes are.
-    groups: Vec<Vec<usize>>,
+    groups: Vec<Range<usize>>,
     /// T_in and T_out and their inverses.
     input: Six,
     input_inverse: Six,
@@ -151,11 +151,11 @@ impl<'a> Search<'a> {
                     .collect()
             }
         };
+        let [_, high] = isolation_band(design, target.frequency);
         let performance = seen(plant.plant.performance(), Six::identity());
         let aims = match target.minimise {
             // Without bands, where the machine is to be quiet at all.
             Minimise::Peaks if machine.bands.is_empty() => {
-                let [_, high] = isolation_band(design, target.frequency);
                 vec![Aim {
                     points: performance(grid(isolation, high.max(2.0 * isolation), 120, &peaks)),
                     reference_db: 0.0,
@@ -182,14 +182,6 @@ impl<'a> Search<'a> {
             plant.plant.whole(),
             plant.plant.rigid_floor.map(Complex::from),
         );
-        let [_, high] = isolation_band(design, target.frequency);
-        let mut groups: Vec<Vec<usize>> = Vec::new();
-        for (i, omega) in design.omega.iter().enumerate() {
-            match groups.last_mut() {
-                Some(group) if omega / design.omega[group[0]] - 1.0 < ALIKE => group.push(i),
-                _ => groups.push(vec![i]),
-            }
-        }
         Self {
             machine,
             design,
@@ -200,7 +192,7 @@ impl<'a> Search<'a> {
                 .collect(),
             aims,
             isolation: whole(grid(isolation, high.max(1.1 * isolation), 30, &[])),
-            groups,
+            groups: alike(&design.omega.map(|omega| omega * omega)),
             input,
             input_inverse: input.try_inverse().expect("modes are independent"),
             output,
@@ -211,9 +203,7 @@ impl<'a> Search<'a> {
     fn shapes(&self, places: &[Place]) -> [Shape; LEGS] {
         let mut shapes = [shape(&places[0]); LEGS];
         for (group, place) in self.groups.iter().zip(places) {
-            for &i in group {
-                shapes[i] = shape(place);
-            }
+            shapes[group.clone()].fill(shape(place));
         }
         shapes
     }
@@ -221,17 +211,16 @@ impl<'a> Search<'a> {
     /// The dB that these places come to, or far more if they do not isolate where
     /// they should; none if they are not stable within the bound.
     fn level(&self, places: &[Place]) -> Option<f64> {
-        let shapes = self.shapes(places);
-        let modal = table::modal_paths(self.machine, self.design, &self.target, &shapes);
         let period = self.machine.board.period();
+        let shapes = self.shapes(places);
+        let channels = table::channels(self.design, &self.target, &shapes, period);
         let slow = |part: f64| table::coefficient(part * self.target.frequency, period);
         let (high_pass, leak) = (slow(table::AC_COUPLING), slow(table::LEAK));
         let gains = |z: Complex<f64>| {
             let high_pass = ac_coupling(high_pass, z);
-            modal
-                .channels
+            channels
                 .each_ref()
-                .map(|channel| high_pass * channel_response(channel, modal.sections, leak, z))
+                .map(|channel| high_pass * channel_response(channel, Shape::SECTIONS, leak, z))
         };
         let bound = MARGIN * self.target.max_sensitivity;
         let within = |point: &Point| {
@@ -352,8 +341,8 @@ impl<'a> Search<'a> {
         let all = |place: &dyn Fn(usize) -> Place| -> Vec<Place> {
             (0..self.groups.len()).map(place).collect()
         };
-        let neutral = nearest(0.25 * self.fastest());
-        let one_lag = |corner: f64| [nearest(corner), neutral, neutral, neutral, 0, neutral, 0];
+        // A lag and a zero that cancel.
+        let one_lag = |corner: f64| self.place([corner, self.neutral()], self.neutral());
         (0..36)
             .flat_map(|n| {
                 let crossover = self.fastest() * SLOWER.powi(n);
@@ -371,7 +360,7 @@ impl<'a> Search<'a> {
 
     /// f_mode/f_n: above the modes, the plant times the gains is its square.
     fn root(&self, group: usize) -> f64 {
-        self.design.hertz()[self.groups[group][0]] / self.target.frequency
+        self.design.hertz()[self.groups[group].start] / self.target.frequency
     }
 
     /// No loop crosses over faster than the inverse of its delay, Hz.
@@ -393,13 +382,22 @@ impl<'a> Search<'a> {
     }
 
     /// Two lags `split` times below and above their mean, a zero `apart` times
-    /// below the crossover, Hz, and a second section that does nothing.
+    /// below the crossover, Hz.
     fn lags(&self, group: usize, crossover: f64, apart: f64, split: f64) -> Place {
         let lag = crossover / (apart.sqrt() * self.root(group));
-        let neutral = nearest(0.25 * self.fastest());
-        let zero = nearest(crossover / apart);
-        let lags = [lag * split, lag / split].map(nearest);
-        [lags[0], lags[1], zero, neutral, 0, neutral, 0]
+        self.place([lag * split, lag / split], crossover / apart)
+    }
+
+    /// Lags and a zero, Hz, and a second section that does nothing.
+    fn place(&self, lags: [f64; 2], zero: f64) -> Place {
+        let [a, b] = lags.map(nearest);
+        let neutral = nearest(self.neutral());
+        [a, b, nearest(zero), neutral, 0, neutral, 0]
+    }
+
+    /// Where what does nothing begins to be moved from, Hz.
+    fn neutral(&self) -> f64 {
+        0.25 * self.fastest()
     }
 
     /// Moves of `step` in one number or two, group by group, until none helps.

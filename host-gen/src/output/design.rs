@@ -9,7 +9,7 @@ use shared::LEGS;
 use shared::table::ValidTable;
 
 use super::{digest, feedback_name, write_shaped};
-use crate::closed_loop::{SampledLoop, close_ideal, corner};
+use crate::closed_loop::{SampledLoop, close_ideal, corner, grid, stable};
 use crate::design::ideal_poles;
 use crate::law::LinearLaw;
 use crate::machine::{Board, Machine};
@@ -125,7 +125,7 @@ impl Designed {
             .map(|k| Mode {
                 hz: study.design.hertz()[k],
                 open: Isolation::new(k, band, &plant.peaks(), &open),
-                ideal: crate::closed_loop::stable(&ideal)
+                ideal: stable(&ideal)
                     .then(|| Isolation::new(k, band, &pole_peaks(&ideal), &under_ideal)),
                 sampled: Isolation::new(k, band, &pole_peaks(&poles), &sampled),
             })
@@ -167,7 +167,7 @@ impl Isolation {
         let own = |hz: f64| gain(hz)[(mode, mode)];
         let alone = |hz: f64| Gain::from_fn(1, |_, j| if j == 0 { own(hz) } else { Complex::ZERO });
         let db = |hz: f64| -20.0 * own(hz).norm().log10();
-        let (peak_hz, peak_db) = crate::closed_loop::grid(low, high, 200, peaks)
+        let (peak_hz, peak_db) = grid(low, high, 200, peaks)
             .into_iter()
             .map(|hz| (hz, -db(hz)))
             .max_by(|a, b| a.1.total_cmp(&b.1))
