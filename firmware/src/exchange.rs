@@ -1,16 +1,20 @@
-//! One sample over a serial line: six ADC codes in, six DAC codes out.
+//! One sample over a serial line: twelve ADC codes in, six DAC codes out.
 //!
-//! Both frames have 14 bytes: a first byte, six 16-bit words with the low byte
-//! first, and a CRC-8 (SMBus polynomial) over the 13 bytes before it. The
-//! request's first byte is [`SAMPLE`]; the reply's holds the [`Status`].
+//! A frame is a first byte, 16-bit words with the low byte first, and a CRC-8
+//! (SMBus polynomial) over all bytes before it. A request is [`SAMPLE`], the six
+//! sensors and the six force sensors beside them; a reply the [`Status`] in its
+//! first byte, the six outputs, and a word with the force sensors at a rail.
 
 use crc::{CRC_8_SMBUS, Crc};
 use shared::LEGS;
-use shared::codes::{AdcCode, DacCode};
+use shared::codes::{AdcCode, DacCode, Samples};
 use shared::step::{Output, Status};
 
-/// Bytes in a frame, either way.
-pub const FRAME: usize = 2 * LEGS + 2;
+/// Bytes in a request.
+pub const REQUEST: usize = 2 + 4 * LEGS;
+
+/// Bytes in a reply.
+pub const REPLY: usize = 2 + 2 * (LEGS + 1);
 
 /// First byte of a request.
 pub const SAMPLE: u8 = 0x5A;
@@ -32,18 +36,21 @@ impl core::fmt::Display for BadFrame {
 
 impl core::error::Error for BadFrame {}
 
-fn pack(first: u8, words: [u16; LEGS]) -> [u8; FRAME] {
-    let mut frame = [0; FRAME];
+fn pack<const BYTES: usize>(first: u8, words: impl Iterator<Item = u16>) -> [u8; BYTES] {
+    let mut frame = [0; BYTES];
     frame[0] = first;
     for (bytes, word) in frame[1..].chunks_exact_mut(2).zip(words) {
         bytes.copy_from_slice(&word.to_le_bytes());
     }
-    frame[FRAME - 1] = CRC.checksum(&frame[..FRAME - 1]);
+    frame[BYTES - 1] = CRC.checksum(&frame[..BYTES - 1]);
     frame
 }
 
-fn unpack(frame: &[u8; FRAME]) -> Result<(u8, [u16; LEGS]), BadFrame> {
-    if CRC.checksum(&frame[..FRAME - 1]) != frame[FRAME - 1] {
+fn unpack<const BYTES: usize, const WORDS: usize>(
+    frame: &[u8; BYTES],
+) -> Result<(u8, [u16; WORDS]), BadFrame> {
+    const { assert!(BYTES == 2 + 2 * WORDS) };
+    if CRC.checksum(&frame[..BYTES - 1]) != frame[BYTES - 1] {
         return Err(BadFrame);
     }
     let words = core::array::from_fn(|i| u16::from_le_bytes([frame[1 + 2 * i], frame[2 + 2 * i]]));
@@ -51,23 +58,30 @@ fn unpack(frame: &[u8; FRAME]) -> Result<(u8, [u16; LEGS]), BadFrame> {
 }
 
 /// The request for one sample.
-pub fn request(adc: [AdcCode; LEGS]) -> [u8; FRAME] {
-    pack(SAMPLE, adc.map(|code| code.0.cast_unsigned()))
+pub fn request(adc: Samples) -> [u8; REQUEST] {
+    let codes = adc.sensors.into_iter().chain(adc.forces);
+    pack(SAMPLE, codes.map(|code| code.0.cast_unsigned()))
 }
 
 /// The codes of a request.
-pub fn parse_request(frame: &[u8; FRAME]) -> Result<[AdcCode; LEGS], BadFrame> {
-    match unpack(frame)? {
-        (SAMPLE, words) => Ok(words.map(|word| AdcCode(word.cast_signed()))),
-        _ => Err(BadFrame),
+pub fn parse_request(frame: &[u8; REQUEST]) -> Result<Samples, BadFrame> {
+    let (first, words) = unpack::<REQUEST, { 2 * LEGS }>(frame)?;
+    if first != SAMPLE {
+        return Err(BadFrame);
     }
+    let code = |i: usize| AdcCode(words[i].cast_signed());
+    Ok(Samples {
+        sensors: core::array::from_fn(code),
+        forces: core::array::from_fn(|i| code(LEGS + i)),
+    })
 }
 
 /// The reply to a request: bits 0 to 5 are the sensors at a rail, bit 6 the
 /// clamp, bit 7 a force that was not finite (then bits 0 to 6 are zero).
-pub fn reply(output: &Output) -> [u8; FRAME] {
+pub fn reply(output: &Output) -> [u8; REPLY] {
     let Status {
         sensors_at_rail,
+        forces_at_rail,
         clamped,
         not_finite,
     } = output.status;
@@ -76,25 +90,28 @@ pub fn reply(output: &Output) -> [u8; FRAME] {
     } else {
         sensors_at_rail | u8::from(clamped) << 6
     };
-    pack(first, output.dac.map(|code| code.0))
+    let codes = output.dac.into_iter().map(|code| code.0);
+    pack(first, codes.chain([u16::from(forces_at_rail)]))
 }
 
 /// The reply to a request that was not understood.
-pub fn refusal() -> [u8; FRAME] {
-    pack(REFUSED, [0; LEGS])
+pub fn refusal() -> [u8; REPLY] {
+    pack(REFUSED, core::iter::empty())
 }
 
 /// The output in a reply.
-pub fn parse_reply(frame: &[u8; FRAME]) -> Result<Output, BadFrame> {
-    let (first, words) = unpack(frame)?;
+pub fn parse_reply(frame: &[u8; REPLY]) -> Result<Output, BadFrame> {
+    let (first, words) = unpack::<REPLY, { LEGS + 1 }>(frame)?;
     let not_finite = first & 0x80 != 0;
-    if not_finite && first != 0x80 {
+    let forces_at_rail = words[LEGS] as u8;
+    if not_finite && first != 0x80 || u16::from(forces_at_rail) != words[LEGS] {
         return Err(BadFrame);
     }
     Ok(Output {
-        dac: words.map(DacCode),
+        dac: core::array::from_fn(|i| DacCode(words[i])),
         status: Status {
             sensors_at_rail: first & 0x3F,
+            forces_at_rail,
             clamped: first & 0x40 != 0,
             not_finite,
         },
@@ -107,12 +124,16 @@ mod tests {
 
     #[test]
     fn codes_survive_the_line() {
-        let adc = [-32768, -1, 0, 1, 255, 32767].map(AdcCode);
+        let adc = Samples {
+            sensors: [-32768, -1, 0, 1, 255, 32767].map(AdcCode),
+            forces: [2, 3, -4, 5, -6, 7].map(AdcCode),
+        };
         assert_eq!(parse_request(&request(adc)), Ok(adc));
         let output = Output {
             dac: [0, 1, 255, 256, 32768, 65535].map(DacCode),
             status: Status {
                 sensors_at_rail: 0b10_0001,
+                forces_at_rail: 0b00_0100,
                 clamped: true,
                 not_finite: false,
             },
@@ -124,13 +145,17 @@ mod tests {
     /// long division (polynomial x⁸ + x² + x + 1).
     #[test]
     fn the_layout_is_the_documented_one() {
-        let frame = request([0x0102, 0, 0, 0, 0, -2].map(AdcCode));
-        assert_eq!(
-            frame[..13],
-            [0x5A, 0x02, 0x01, 0, 0, 0, 0, 0, 0, 0, 0, 0xFE, 0xFF]
-        );
+        let frame = request(Samples {
+            sensors: [0x0102, 0, 0, 0, 0, -2].map(AdcCode),
+            forces: [0, 0, 0, 0, 0, 0x0304].map(AdcCode),
+        });
+        let mut bytes = [0; 25];
+        bytes[..3].copy_from_slice(&[0x5A, 0x02, 0x01]);
+        bytes[11..13].copy_from_slice(&[0xFE, 0xFF]);
+        bytes[23..].copy_from_slice(&[0x04, 0x03]);
+        assert_eq!(frame[..25], bytes);
         let mut crc = 0u8;
-        for byte in &frame[..13] {
+        for byte in &bytes {
             crc ^= byte;
             for _ in 0..8 {
                 crc = if crc & 0x80 == 0 {
@@ -140,13 +165,13 @@ mod tests {
                 };
             }
         }
-        assert_eq!(frame[13], crc);
+        assert_eq!(frame[25], crc);
     }
 
     #[test]
     fn every_single_bit_error_is_refused() {
-        let good = request([1, 2, 3, 4, 5, 6].map(AdcCode));
-        for bit in 0..8 * FRAME {
+        let good = request([1, 2, 3, 4, 5, 6].map(AdcCode).into());
+        for bit in 0..8 * REQUEST {
             let mut bad = good;
             bad[bit / 8] ^= 1 << (bit % 8);
             assert_eq!(parse_request(&bad), Err(BadFrame));

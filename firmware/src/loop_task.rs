@@ -1,7 +1,6 @@
 //! The loop task: what runs once per sample.
 
-use shared::LEGS;
-use shared::codes::{AdcCode, LegForces};
+use shared::codes::{LegForces, Samples};
 use shared::step::{Output, State, step};
 use shared::table::ValidTable;
 
@@ -19,7 +18,7 @@ impl LoopTask {
     }
 
     /// Takes the codes of one conversion and gives the codes to latch.
-    pub fn on_sample(&mut self, adc: [AdcCode; LEGS]) -> Output {
+    pub fn on_sample(&mut self, adc: Samples) -> Output {
         let state = self
             .state
             .get_or_insert_with(|| State::settled_on(self.table, adc));

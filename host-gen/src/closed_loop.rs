@@ -8,14 +8,15 @@ use shared::LEGS;
 use crate::design::Gains;
 use crate::law::LinearLaw;
 use crate::linear::{eigenvalues, largest_singular_value};
-use crate::plant::{Gain, Plant, SampledPlant, pole_peaks};
+use crate::plant::{Control, Gain, Plant, SampledPlant, pole_peaks};
 
 type Six = Matrix6<Complex<f64>>;
 
 /// σ = C(jω)·y of the unsampled law, Eqs. (21) and (22).
-pub fn ideal_response(gains: &Gains, hz: f64) -> Six {
+pub fn ideal_response(gains: &Gains, hz: f64) -> Control {
     let s = Complex::new(0.0, core::f64::consts::TAU * hz);
-    -(gains.proportional.map(Complex::from) + gains.integral.map(|i| i / s))
+    let c = -(gains.proportional.map(Complex::from) + gains.integral.map(|i| i / s));
+    Control::from_column_slice(c.as_slice())
 }
 
 /// Where a loop is opened to look at its sensitivity.
@@ -25,8 +26,9 @@ enum Opening {
     Modes,
     /// At the six forces.
     Legs,
-    /// At the six sensors.
-    Sensors,
+    /// At the six sensors from this one on; those of another kind stay in the
+    /// loop.
+    Sensors(usize),
 }
 
 /// The peak of the sensitivity, max over frequency of σ_max((1 + L)⁻¹).
@@ -39,7 +41,7 @@ pub struct PeakSensitivity {
     pub at: f64,
     /// With the loop open at the six legs.
     pub at_legs: f64,
-    /// With the loop open at the six sensors.
+    /// With the loop open at the six sensors, of the worse kind.
     pub at_sensors: f64,
 }
 
@@ -59,7 +61,7 @@ impl PeakSensitivity {
 /// The sampled plant on a grid of frequencies, for trying many laws.
 #[derive(Clone, Debug)]
 pub struct LoopGrid {
-    points: Vec<(f64, Complex<f64>, Six)>,
+    points: Vec<(f64, Complex<f64>, Gain)>,
     /// Sᵀ and S⁻ᵀ.
     to_modes: Six,
     from_modes: Six,
@@ -85,12 +87,22 @@ impl LoopGrid {
     }
 
     /// 1 + L.
-    fn return_difference(&self, opening: Opening, g22: &Six, c: &Six) -> Six {
+    fn return_difference(&self, opening: Opening, g22: &Gain, c: &Control) -> Six {
         let one = Six::identity();
         match opening {
             Opening::Modes => one + self.to_modes * -(c * g22) * self.from_modes,
             Opening::Legs => one - c * g22,
-            Opening::Sensors => one - g22 * c,
+            Opening::Sensors(first) => {
+                let g = g22.fixed_rows::<LEGS>(first);
+                let mut own = c.fixed_columns::<LEGS>(first).into_owned();
+                if c.ncols() > LEGS {
+                    let other = LEGS - first;
+                    let beside = c.fixed_columns::<LEGS>(other) * g22.fixed_rows::<LEGS>(other);
+                    // Exactly on a pole of the other kind's loop: as if open.
+                    own = (one - beside).lu().solve(&own).unwrap_or(own);
+                }
+                one - g * own
+            }
         }
     }
 
@@ -100,11 +112,8 @@ impl LoopGrid {
         // σ_min(1 + L) ≥ 1/bound where (1 + L)ᴴ(1 + L) − 1/bound² is positive
         // definite, which a Cholesky factorisation tells much faster than
         // singular values do.
-        let bounds = [
-            (Opening::Modes, bound),
-            (Opening::Legs, ELSEWHERE * bound),
-            (Opening::Sensors, ELSEWHERE * bound),
-        ];
+        let mut bounds = vec![(Opening::Modes, bound), (Opening::Legs, ELSEWHERE * bound)];
+        bounds.extend(sensors(law).map(|opening| (opening, ELSEWHERE * bound)));
         self.points.iter().all(|(_, z, g22)| {
             let c = law.response(*z);
             bounds
@@ -121,13 +130,15 @@ impl LoopGrid {
             value,
             at,
             at_legs: self.climb(plant, law, Opening::Legs).0,
-            at_sensors: self.climb(plant, law, Opening::Sensors).0,
+            at_sensors: sensors(law)
+                .map(|opening| self.climb(plant, law, opening).0)
+                .fold(0.0, f64::max),
         }
     }
 
     /// The highest peak at one opening, and its frequency, Hz.
     fn climb(&self, plant: &SampledPlant, law: &LinearLaw, opening: Opening) -> (f64, f64) {
-        let at = |hz: f64, g22: &Six| {
+        let at = |hz: f64, g22: &Gain| {
             let difference = self.return_difference(opening, g22, &law.response(plant.z(hz)));
             1.0 / difference.singular_values().min()
         };
@@ -157,6 +168,11 @@ impl LoopGrid {
         }
         best
     }
+}
+
+/// The openings at each kind of sensors.
+fn sensors(law: &LinearLaw) -> impl Iterator<Item = Opening> {
+    (0..law.sensors()).step_by(LEGS).map(Opening::Sensors)
 }
 
 /// Whether no singular value of a return difference is below 1/`bound`.
@@ -234,9 +250,9 @@ impl SampledLoop<'_> {
             rows.view_mut((0, at), (LEGS, LEGS)).fill_with_identity();
             rows
         };
-        let sensors = self.plant.plant.sensors();
+        let sensors = 0..self.law.sensors();
         let direct = self.plant.direct();
-        let mut y = direct.view((sensors.start, LEGS), (LEGS, LEGS)) * state(held(delays));
+        let mut y = direct.view((0, LEGS), (sensors.len(), LEGS)) * state(held(delays));
         let mut modes = y.columns_mut(0, n);
         modes += plant.output.rows_range(sensors);
 

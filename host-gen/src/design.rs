@@ -4,10 +4,9 @@ use core::ops::Range;
 
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Matrix6xX};
 use shared::LEGS;
-use shared::table::Feedback;
 
 use crate::linear::{eigenvalues, generalised_eigen};
-use crate::machine::{Fault, Machine, MachineError, Target};
+use crate::machine::{Fault, Feedback, Machine, MachineError, Target};
 use crate::multibody::{Multibody, RigidModel, dependent, reach, to_dynamic, to_six};
 use crate::plant::StateSpace;
 
@@ -30,9 +29,12 @@ pub struct Design {
     pub omega: [f64; LEGS],
     /// S = M_d^(−1/2)·P of Eq. (17): SᵀM_dS = 1, SᵀK_dS = diag(ω²).
     pub modal: Matrix6<f64>,
-    /// T_c of Eq. (15): sensor positions from q_s. For force sensors the order
-    /// of the channels only.
+    /// T_c of Eq. (15): sensor positions from q_s. For force sensors alone the
+    /// order of the channels only.
     pub sensing: Matrix6<f64>,
+    /// The order of the force sensors beside accelerometers, where there are
+    /// any.
+    pub beside: Option<Matrix6<f64>>,
     /// What is fed back.
     pub feedback: Feedback,
 }
@@ -54,14 +56,21 @@ impl Design {
                 .expect("the lumped mass is positive definite because every body's is");
         canonical(&squares, &mut shapes);
         let sensing = match feedback {
-            Feedback::Acceleration => acceleration_sensing(machine, model, &rigid)?,
+            Feedback::Acceleration | Feedback::Both => {
+                acceleration_sensing(machine, model, &rigid)?
+            }
             Feedback::Force => force_sensing(machine)?,
+        };
+        let beside = match feedback {
+            Feedback::Both => Some(force_sensing(machine)?),
+            Feedback::Acceleration | Feedback::Force => None,
         };
         Ok(Self {
             omega: core::array::from_fn(|i| squares[i].max(0.0).sqrt()),
             modal: to_six(&shapes),
             rigid,
             sensing,
+            beside,
             feedback,
         })
     }
@@ -82,13 +91,15 @@ impl Design {
     /// the loop gives M_d·q̈ = −(1 + K_P)⁻¹·K_d·q, which is −ω_n²·M_d·q only in
     /// this order; the two agree where K_d and M_d commute, as they do for six
     /// equal legs without bending stiffness.
+    ///
+    /// Of both kinds, the accelerations'.
     pub fn gains(&self, target: &Target) -> Gains {
         let omega = target.omega();
         let RigidModel {
             mass, stiffness, ..
         } = &self.rigid;
         let (proportional, integral) = match self.feedback {
-            Feedback::Acceleration => {
+            Feedback::Acceleration | Feedback::Both => {
                 let virtual_mass = stiffness / (omega * omega) - mass;
                 let damping = (virtual_mass + mass) * (2.0 * target.damping * omega);
                 (virtual_mass, damping)
@@ -121,6 +132,8 @@ pub struct ModalTransform {
     /// T_in. Accelerations: S⁻¹·T_c⁻¹, to √kg·m/s². Forces: Sᵀ in the sensors'
     /// order, to N/√kg.
     pub input: Matrix6<f64>,
+    /// Sᵀ for the force sensors beside accelerometers.
+    pub beside: Option<Matrix6<f64>>,
     /// T_out = S⁻ᵀ, from N/√kg to N.
     pub output: Matrix6<f64>,
 }
@@ -136,7 +149,7 @@ impl Design {
             .try_inverse()
             .expect("the sensors were checked to be independent");
         let to_modes = match self.feedback {
-            Feedback::Acceleration => inverse,
+            Feedback::Acceleration | Feedback::Both => inverse,
             Feedback::Force => self.modal.transpose(),
         };
         // What symmetry makes zero is zero, and the same on every processor.
@@ -146,6 +159,10 @@ impl Design {
         };
         ModalTransform {
             input: clean(to_modes * unsense),
+            // An order of channels has its transpose for its inverse.
+            beside: self
+                .beside
+                .map(|order| clean(self.modal.transpose() * order.transpose())),
             output: clean(inverse.transpose()),
         }
     }

@@ -2,14 +2,12 @@
 
 use std::fmt::Write as _;
 
-use nalgebra::DMatrix;
-use shared::LEGS;
-
 use crate::plant::{INPUTS, Plant};
+use nalgebra::DMatrix;
 
 /// The generalised plant G of Fig. 4 as matrices: inputs are the six floor
 /// accelerations and the six leg forces; outputs the performance accelerations
-/// and the six sensors.
+/// and the sensors.
 pub struct Generalised {
     /// A.
     pub a: DMatrix<f64>,
@@ -27,11 +25,12 @@ impl Generalised {
         let ss = &plant.state_space;
         let order = |m: &DMatrix<f64>| {
             let count = plant.performance().len();
-            let mut out = DMatrix::zeros(count + LEGS, m.ncols());
+            let sensors = plant.sensors();
+            let mut out = DMatrix::zeros(count + sensors.len(), m.ncols());
             out.rows_mut(0, count)
                 .copy_from(&m.rows_range(plant.performance()));
-            out.rows_mut(count, LEGS)
-                .copy_from(&m.rows_range(plant.sensors()));
+            out.rows_mut(count, sensors.len())
+                .copy_from(&m.rows_range(sensors));
             out
         };
         debug_assert_eq!(ss.b.ncols(), INPUTS);

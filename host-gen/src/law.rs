@@ -5,7 +5,7 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix6};
 use shared::LEGS;
 use shared::table::{Channel, Direct, Modal, Paths, Section, ValidTable};
 
-type Six = Matrix6<Complex<f64>>;
+use crate::plant::Control;
 
 /// From sensor values to forces, with the table's rounded coefficients.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +20,7 @@ pub struct LinearLaw {
 pub struct LawStateSpace {
     /// A.
     pub a: DMatrix<f64>,
-    /// B, six columns.
+    /// B, a column a sensor.
     pub b: DMatrix<f64>,
     /// C, six rows.
     pub c: DMatrix<f64>,
@@ -39,27 +39,53 @@ impl LinearLaw {
         }
     }
 
+    /// How many sensors it takes: six, or with force sensors beside
+    /// accelerometers twelve.
+    pub fn sensors(&self) -> usize {
+        match &self.paths {
+            Paths::Modal(modal) if modal.complement.is_some() => 2 * LEGS,
+            Paths::Modal(_) | Paths::Direct(_) => LEGS,
+        }
+    }
+
     /// σ = C(z)·y.
-    pub fn response(&self, z: Complex<f64>) -> Six {
+    pub fn response(&self, z: Complex<f64>) -> Control {
         let high_pass = ac_coupling(self.ac_coupling, z);
+        let mut control = Control::zeros(self.sensors());
         match &self.paths {
             Paths::Direct(direct) => {
-                let coefficient = f64::from(direct.roll_off);
-                let low_pass = z * coefficient / (z - 1.0 + coefficient);
-                let shaping = -(high_pass * low_pass);
+                let shaping = -(high_pass * low_pass(f64::from(direct.roll_off), z));
                 let integral = integral(self.leak, z);
-                direct.proportional.map(|p| shaping * f64::from(p))
-                    + direct.integral.map(|i| shaping * integral * f64::from(i))
+                control.copy_from(
+                    &(direct.proportional.map(|p| shaping * f64::from(p))
+                        + direct.integral.map(|i| shaping * integral * f64::from(i))),
+                );
             }
             Paths::Modal(modal) => {
-                let mut modes = modal.input.map(|x| Complex::from(f64::from(x)));
-                for (i, channel) in modal.channels.iter().enumerate() {
-                    let gain = -high_pass * channel_response(channel, modal.sections, self.leak, z);
-                    modes.row_mut(i).iter_mut().for_each(|x| *x *= gain);
+                let complex = |m: &Matrix6<f32>| m.map(|x| Complex::from(f64::from(x)));
+                let mut by_kind = vec![complex(&modal.input) * high_pass];
+                if let Some(complement) = &modal.complement {
+                    by_kind.push(complex(&complement.input));
+                    for (i, &split) in complement.split.iter().enumerate() {
+                        let low = low_pass(f64::from(split), z);
+                        for (kind, part) in by_kind.iter_mut().zip([low, 1.0 - low]) {
+                            kind.row_mut(i).iter_mut().for_each(|x| *x *= part);
+                        }
+                    }
                 }
-                modal.output.map(|x| Complex::from(f64::from(x))) * modes
+                let output = complex(&modal.output);
+                for (kind, mut modes) in by_kind.into_iter().enumerate() {
+                    for (i, channel) in modal.channels.iter().enumerate() {
+                        let gain = -channel_response(channel, modal.sections, self.leak, z);
+                        modes.row_mut(i).iter_mut().for_each(|x| *x *= gain);
+                    }
+                    control
+                        .fixed_columns_mut::<LEGS>(kind * LEGS)
+                        .copy_from(&(output * modes));
+                }
             }
         }
+        control
     }
 
     /// As matrices.
@@ -68,10 +94,12 @@ impl LinearLaw {
             Paths::Direct(_) => 0,
             Paths::Modal(modal) => modal.sections,
         };
-        let states = LEGS * (4 + 2 * sections);
+        let beside = self.sensors() > LEGS;
+        // AC coupling twice, before, integral, sections, and what forces lack.
+        let states = LEGS * (4 + 2 * sections + usize::from(beside));
+        let columns = states + self.sensors();
         let mut law = Signals {
-            states,
-            next: DMatrix::zeros(states, states + LEGS),
+            next: DMatrix::zeros(states, columns),
         };
         let y = law.at(states);
         let h1 = law.at(0);
@@ -97,11 +125,22 @@ impl LinearLaw {
             }
             Paths::Modal(Modal {
                 input,
+                complement,
                 channels,
                 output,
                 ..
             }) => {
                 let mut r = matrix(input) * w;
+                if let Some(complement) = complement {
+                    let f = matrix(&complement.input) * law.at(states + LEGS);
+                    let at = states - LEGS;
+                    let d = law.at(at);
+                    let split = complement.split.map(f64::from);
+                    let split = DMatrix::from_diagonal(&DVector::from_column_slice(&split));
+                    let d = &d + split * (r - &f - &d);
+                    law.set(at, d.clone());
+                    r = f + d;
+                }
                 for j in 0..sections {
                     let of = |part: fn(&Section) -> f32| {
                         diagonal(channels, |channel| part(&channel.sections[j]))
@@ -125,23 +164,22 @@ impl LinearLaw {
             |all: &DMatrix<f64>, from: usize, count: usize| all.columns(from, count).into_owned();
         LawStateSpace {
             a: part(&law.next, 0, states),
-            b: part(&law.next, states, LEGS),
+            b: part(&law.next, states, self.sensors()),
             c: part(&force, 0, states),
-            d: part(&force, states, LEGS),
+            d: part(&force, states, self.sensors()),
         }
     }
 }
 
 /// Six signals as rows of coefficients on states and inputs before the step.
 struct Signals {
-    states: usize,
     next: DMatrix<f64>,
 }
 
 impl Signals {
     /// The six states, or inputs, from `first` on.
     fn at(&self, first: usize) -> DMatrix<f64> {
-        let mut rows = DMatrix::zeros(LEGS, self.states + LEGS);
+        let mut rows = DMatrix::zeros(LEGS, self.next.ncols());
         rows.view_mut((0, first), (LEGS, LEGS)).fill_with_identity();
         rows
     }
@@ -164,6 +202,11 @@ fn diagonal(channels: &[Channel; LEGS], of: impl Fn(&Channel) -> f32) -> DMatrix
 pub fn ac_coupling(c: f64, z: Complex<f64>) -> Complex<f64> {
     let one = (z - 1.0) / (z - 1.0 + c);
     one * one
+}
+
+/// x += c·(input − x), with coefficient c.
+pub fn low_pass(c: f64, z: Complex<f64>) -> Complex<f64> {
+    z * c / (z - 1.0 + c)
 }
 
 /// The trapezoidal integral over T/2, leaking.

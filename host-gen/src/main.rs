@@ -10,7 +10,9 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::machine::{Machine, MachineError};
-use host_gen::output::analysis::{Compared, Frequencies, PlantMatrices, Poles, Zeros, both_kinds};
+use host_gen::output::analysis::{
+    Compared, Frequencies, PlantMatrices, Poles, Zeros, both_kinds, by_feedback,
+};
 use host_gen::output::design::Designed;
 use host_gen::output::{self, Gains, Generated, Modes, Simulated};
 use host_gen::robustness::monte_carlo;
@@ -69,7 +71,7 @@ enum Command {
     Plant(PlantArguments),
     /// Machines side by side.
     ///
-    /// Example: host-gen compare models/metrology-frame.toml models/smaller-basis.toml
+    /// Example: host-gen compare models/low-parasitic.toml --by-feedback
     Compare(Compare),
     /// The controller for the sampled board beside the ideal one: shapes,
     /// isolation by mode, margins, delay, what another board would give.
@@ -212,6 +214,10 @@ struct Compare {
     /// Machine files.
     #[arg(required = true)]
     models: Vec<PathBuf>,
+    /// Each machine once with accelerations fed back, once with forces, and once
+    /// with both.
+    #[arg(long)]
+    by_feedback: bool,
     /// What to print.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -277,7 +283,10 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Plant(arguments) => plant(arguments),
         Command::Compare(arguments) => {
             let machines = arguments.models.iter().map(|model| Machine::load(model));
-            let machines = machines.collect::<Result<_, _>>()?;
+            let mut machines = machines.collect::<Result<Vec<_>, _>>()?;
+            if arguments.by_feedback {
+                machines = machines.iter().flat_map(by_feedback).collect();
+            }
             print(arguments.format, &Compared::new(machines)?)
         }
         Command::Design(arguments) => design(arguments),

@@ -87,7 +87,7 @@ pub fn margins(
     let half = Matrix6::from_diagonal_element(Complex::from(0.5));
     for &hz in &points {
         let law = closed.law.response(plant.z(hz));
-        let through = to_modes * law * plant.response(hz).g22() * from_modes;
+        let through = to_modes * (law * plant.response(hz).g22()) * from_modes;
         let difference = Matrix6::identity() - through;
         let Some(sensitivity) = difference.try_inverse() else {
             logarithms.push(f64::INFINITY);

@@ -10,13 +10,12 @@
 use core::f64::consts::TAU;
 use core::ops::Range;
 
-use nalgebra::{Complex, DMatrix, DVector, Matrix6, MatrixXx6};
+use nalgebra::{Complex, DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6};
 use shared::LEGS;
-use shared::table::Feedback;
 
 use crate::design::Design;
 use crate::linear::eigenvalues;
-use crate::machine::{Board, Fault, Machine, MachineError, Performance};
+use crate::machine::{Board, Fault, Feedback, Machine, MachineError, Performance};
 use crate::multibody::{Modes, Multibody, deformation_stiffness};
 
 /// Floor accelerations, then leg forces.
@@ -71,6 +70,7 @@ pub struct Plant {
     /// G(0) and G'(0). Accelerations far below the modes are small differences
     /// of D and the poles' parts; from here they are not.
     slow: [DMatrix<f64>; 2],
+    sensors: usize,
     performance: usize,
     /// Floor accelerations that move the base along each rigid mode, 6×6: with
     /// these for inputs, [`Plant::whole`] is the identity at low frequency.
@@ -257,34 +257,37 @@ impl Plant {
         let floor = -shapes.transpose() * &model.mass * &model.ride * floor_inverse;
         let actuators = shapes.transpose() * model.elongations.transpose();
 
+        let sensors = match design.feedback {
+            Feedback::Acceleration | Feedback::Force => LEGS,
+            Feedback::Both => 2 * LEGS,
+        };
         let count = machine.performance.len();
-        let mut out = Outputs::zeros(3 * LEGS + count + 3, n);
-        match design.feedback {
-            Feedback::Acceleration => {
-                let all = machine.accelerometers.iter().flatten();
-                for (i, sensor) in all.enumerate() {
-                    let (relative, ride) = model.direction(machine, sensor);
-                    let row = relative.transpose() * shapes;
-                    out.acceleration.row_mut(i).copy_from(&row);
-                    out.floor.row_mut(i).copy_from(&(ride * floor_inverse));
-                }
+        let mut out = Outputs::zeros(sensors + count + 2 * LEGS + 3, n);
+        if design.feedback != Feedback::Force {
+            let all = machine.accelerometers.iter().flatten();
+            for (i, sensor) in all.enumerate() {
+                let (relative, ride) = model.direction(machine, sensor);
+                let row = relative.transpose() * shapes;
+                out.acceleration.row_mut(i).copy_from(&row);
+                out.floor.row_mut(i).copy_from(&(ride * floor_inverse));
             }
-            Feedback::Force => {
-                // σ − (EA/L)·e1, Eq. (11) with the push positive.
-                for (i, &beam) in machine.force_sensors.iter().flatten().enumerate() {
-                    for (j, &actuator) in machine.actuators.iter().enumerate() {
-                        if actuator == beam {
-                            let axial = deformation_stiffness(&machine.beams[beam])[(0, 0)];
-                            let row = model.elongations.row(j) * shapes * -axial;
-                            out.displacement.row_mut(i).copy_from(&row);
-                            out.actuators[(i, j)] = 1.0;
-                        }
+        }
+        if design.feedback != Feedback::Acceleration {
+            // σ − (EA/L)·e1, Eq. (11) with the push positive.
+            let all = machine.force_sensors.iter().flatten();
+            for (i, &beam) in (sensors - LEGS..).zip(all) {
+                for (j, &actuator) in machine.actuators.iter().enumerate() {
+                    if actuator == beam {
+                        let axial = deformation_stiffness(&machine.beams[beam])[(0, 0)];
+                        let row = model.elongations.row(j) * shapes * -axial;
+                        out.displacement.row_mut(i).copy_from(&row);
+                        out.actuators[(i, j)] = 1.0;
                     }
                 }
             }
         }
         for (i, output) in machine.performance.iter().enumerate() {
-            let at = LEGS + i;
+            let at = sensors + i;
             match output {
                 Performance::Deformation(d) => {
                     let row = model.deformation(machine, *d).transpose() * shapes;
@@ -308,13 +311,13 @@ impl Plant {
             * design.modal;
         let momentum = rigid_modes.transpose() * model.ride.transpose() * &model.mass;
         out.acceleration
-            .rows_mut(LEGS + count, LEGS)
+            .rows_mut(sensors + count, LEGS)
             .copy_from(&(&momentum * shapes));
         out.floor
-            .rows_mut(LEGS + count, LEGS)
+            .rows_mut(sensors + count, LEGS)
             .copy_from(&(&momentum * &model.ride * floor_inverse));
 
-        let legs = 2 * LEGS + count;
+        let legs = sensors + count + LEGS;
         out.acceleration
             .rows_mut(legs, LEGS)
             .copy_from(&(&model.elongations * shapes));
@@ -350,6 +353,7 @@ impl Plant {
             terms: Terms::new(&poles),
             poles,
             slow: [value, slope],
+            sensors,
             performance: count,
             rigid_floor: model.floor * rigid_modes,
         })
@@ -361,7 +365,7 @@ impl Plant {
         let s = &design.modal;
         let mut out = Outputs::zeros(LEGS, LEGS);
         match design.feedback {
-            Feedback::Acceleration => out
+            Feedback::Acceleration | Feedback::Both => out
                 .acceleration
                 .rows_mut(0, LEGS)
                 .copy_from(&(design.sensing * s)),
@@ -381,21 +385,23 @@ impl Plant {
         )
     }
 
-    /// Rows of the six feedback sensors.
+    /// Rows of the feedback sensors: six, or of both kinds twelve,
+    /// accelerometers first.
     pub fn sensors(&self) -> Range<usize> {
-        0..LEGS
+        0..self.sensors
     }
 
     /// Rows of the performance accelerations.
     pub fn performance(&self) -> Range<usize> {
-        LEGS..LEGS + self.performance
+        self.sensors..self.sensors + self.performance
     }
 
     /// Rows of the acceleration of the machine as a rigid whole, in the modal
     /// coordinates of the design model: its momentum along each rigid mode,
     /// √kg·m/s².
     pub fn whole(&self) -> Range<usize> {
-        LEGS + self.performance..2 * LEGS + self.performance
+        let start = self.performance().end;
+        start..start + LEGS
     }
 
     /// Rows of the second time derivatives of the actuated legs' elongations,
@@ -423,6 +429,7 @@ impl Plant {
             terms: &self.terms,
             part: continuous(&self.poles, &self.slow, hz, Complex::ONE),
             sampled: None,
+            sensors: self.sensors,
         }
     }
 }
@@ -519,6 +526,7 @@ pub struct Response<'a> {
     part: Part<'a>,
     /// What samples of the sensors see of sampled forces, where they are.
     sampled: Option<Part<'a>>,
+    sensors: usize,
 }
 
 /// What goes with the terms at one frequency.
@@ -536,6 +544,9 @@ type Scaled<'a> = (&'a DMatrix<f64>, [Complex<f64>; 2]);
 /// Any number of outputs from six inputs, as complex gains.
 pub type Gain = MatrixXx6<Complex<f64>>;
 
+/// Six forces from six or twelve sensors as complex gains.
+pub type Control = Matrix6xX<Complex<f64>>;
+
 impl Response<'_> {
     /// From floor accelerations to these rows.
     pub fn from_floor(&self, rows: Range<usize>) -> Gain {
@@ -545,24 +556,25 @@ impl Response<'_> {
     /// From leg forces to these rows: the sensors' or others.
     pub fn from_legs(&self, rows: Range<usize>) -> Gain {
         match &self.sampled {
-            Some(sampled) if rows.start < LEGS => sampled.block(self.terms, rows, 1),
+            Some(sampled) if rows.end <= self.sensors => sampled.block(self.terms, rows, 1),
             _ => self.part.block(self.terms, rows, 1),
         }
     }
 
     /// Leg forces to sensors, G22.
-    pub fn g22(&self) -> Matrix6<Complex<f64>> {
-        self.from_legs(0..LEGS).fixed_rows::<LEGS>(0).into_owned()
+    pub fn g22(&self) -> Gain {
+        self.from_legs(0..self.sensors)
     }
 
-    /// Floor accelerations to `rows` with the loop closed by σ = C·y.
-    pub fn close(&self, rows: Range<usize>, controller: &Matrix6<Complex<f64>>) -> Gain {
-        // σ = C·(1 − G22·C)⁻¹·G21·q̈_r
-        let difference = Matrix6::identity() - self.g22() * controller;
+    /// Floor accelerations to `rows` with the loop closed by σ = C·y; C may
+    /// take the first six sensors of twelve alone.
+    pub fn close(&self, rows: Range<usize>, controller: &Control) -> Gain {
+        // σ = (1 − C·G22)⁻¹·C·G21·q̈_r
+        let sensors = 0..controller.ncols();
+        let difference = Matrix6::identity() - controller * self.from_legs(sensors.clone());
         match difference.try_inverse() {
             Some(inverse) => {
-                let g21 = self.from_floor(0..LEGS);
-                let force = controller * inverse * g21.fixed_rows::<LEGS>(0);
+                let force = inverse * (controller * self.from_floor(sensors));
                 self.from_floor(rows.clone()) + self.from_legs(rows) * force
             }
             // Exactly on a closed-loop pole.
@@ -717,9 +729,12 @@ impl Lagged {
             let mut slope = slope.columns_mut(LEGS, LEGS);
             slope -= value.columns(LEGS, LEGS) / (TAU * hz);
         }
-        if let Some(hz) = board.sensor.bandwidth {
-            let mut slope = slope.rows_mut(0, LEGS);
-            slope -= value.rows(0, LEGS) / (TAU * hz);
+        let kinds = [Some(board.sensor), board.beside].into_iter().flatten();
+        let bandwidths = kinds.map(|sensor| sensor.bandwidth).enumerate();
+        let lags = bandwidths.filter_map(|(kind, hz)| Some((kind * LEGS, TAU * hz?)));
+        for (first, a) in lags.clone() {
+            let mut slope = slope.rows_mut(first, LEGS);
+            slope -= value.rows(first, LEGS) / a;
         }
         let real = |values: DVector<f64>| values.map(Complex::from);
         let unit = |size, i| real(DVector::from_fn(size, |j, _| f64::from(u8::from(i == j))));
@@ -742,18 +757,18 @@ impl Lagged {
                 output: real(residue.column(j).into_owned()),
             }));
         }
-        if let Some(hz) = board.sensor.bandwidth {
-            let a = TAU * hz;
-            let residue = lagged.at(-a) * a;
+        // Before any of them: a kind's lag is not on the other's way.
+        let residues: Vec<_> = lags.clone().map(|(_, a)| lagged.at(-a) * a).collect();
+        for ((first, a), residue) in lags.zip(residues) {
             for pole in &mut lagged.poles {
                 let factor = a / (pole.lambda + a);
-                for output in pole.output.iter_mut().take(LEGS) {
+                for output in pole.output.iter_mut().skip(first).take(LEGS) {
                     *output *= factor;
                 }
             }
-            lagged.direct.rows_mut(0, LEGS).fill(0.0);
+            lagged.direct.rows_mut(first, LEGS).fill(0.0);
             let outputs = lagged.direct.nrows();
-            lagged.poles.extend((0..LEGS).map(|i| Pole {
+            lagged.poles.extend((first..first + LEGS).map(|i| Pole {
                 lambda: Complex::from(-a),
                 pair: false,
                 input: real(residue.row(i).transpose()),
@@ -900,6 +915,7 @@ impl SampledPlant {
         } = &self.lagged;
         Response {
             terms,
+            sensors: self.plant.sensors,
             part: continuous(poles, slow, hz, hold),
             sampled: Some(Part {
                 direct: [Some((direct, [Complex::ZERO, seen])), None],

@@ -3,14 +3,14 @@
 
 use core::f64::consts::TAU;
 
-use nalgebra::{Complex, DVector};
+use nalgebra::{Complex, DVector, Matrix6, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 use shared::LEGS;
 use shared::step::{LawState, force};
-use shared::table::ValidTable;
+use shared::table::{Paths, ValidTable};
 
 use crate::law::LinearLaw;
 use crate::machine::Machine;
@@ -23,6 +23,8 @@ pub struct Rounding {
     /// Power of the forces' rounding over that of the forces that sensor and
     /// ADC noise cause, worst leg, dB.
     pub over_noise_db: f64,
+    /// The same of rounding to the DAC's codes, as white noise.
+    pub codes_over_noise_db: f64,
 }
 
 /// Where it is looked at, Hz.
@@ -48,15 +50,28 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
     let exact = linear.state_space();
     let law = plain.get().law;
     let board = &machine.board;
-    let sensor = &board.sensor;
     let nyquist = (0.5 * board.sample_rate).sqrt();
-    let noise = (sensor.noise_density * nyquist)
-        .hypot(board.adc_noise.hypot(board.adc.lsb() / 12f64.sqrt()) / sensor.sensitivity);
+    // By sensor: rms of its noise with the ADC's, and of accelerations that are
+    // alike the forces that go with them.
+    let mut noise = Vec::new();
+    for sensor in [Some(board.sensor), board.beside].into_iter().flatten() {
+        let adc = board.adc_noise.hypot(board.adc.lsb() / 12f64.sqrt());
+        let rms = (sensor.noise_density * nyquist).hypot(adc / sensor.sensitivity);
+        noise.extend([rms; LEGS]);
+    }
+    let mut motion = vec![1.0; LEGS];
+    if let (Paths::Modal(modal), Some(complement)) = (&law.paths, plain.get().complement()) {
+        let double = |m: &Matrix6<f32>| m.map(f64::from);
+        let modes = double(&modal.input) * Vector6::repeat(1.0);
+        let forces = double(&complement.input).lu().solve(&modes);
+        motion.extend(forces.iter().flat_map(|forces| forces.iter()));
+    }
+    let [noise, motion] = [noise, motion].map(DVector::from_vec);
     let slow_hz = 0.7 * machine.target.frequency;
     let gain = linear.response(Complex::cis(TAU * slow_hz / board.sample_rate));
-    let largest = gain
-        .row_iter()
-        .map(|row| row.iter().sum::<Complex<f64>>().norm())
+    let largest = (gain * motion.map(Complex::from))
+        .iter()
+        .map(|force| force.norm())
         .fold(0.0, f64::max);
     let slow = 0.5 * board.force_limit / largest;
     let mut random = ChaCha8Rng::seed_from_u64(machine.simulation.seed);
@@ -73,17 +88,26 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
         for k in 0..length {
             let time = (window * length + k) as f64 / board.sample_rate;
             let slow = slow * (TAU * slow_hz * time).sin();
-            let noises: [f64; LEGS] = core::array::from_fn(|_| {
+            let n = DVector::from_fn(noise.len(), |i, _| {
                 let normal: f64 = StandardNormal.sample(&mut random);
-                normal * noise
+                normal * noise[i]
             });
             // The same numbers to both: what the step reads is single.
-            let w: [f32; LEGS] = noises.map(|x| (x + slow) as f32);
-            let y = DVector::from_iterator(LEGS, w.iter().map(|x| f64::from(*x)));
-            let (found, _) = force(&law, &[f32::MAX; LEGS], &mut single, &w, &[0.0; LEGS]);
+            let read = (&n + slow * &motion).map(|x| x as f32);
+            let y = read.map(f64::from);
+            let kind =
+                |first: usize| core::array::from_fn(|i| read.get(first + i).map_or(0.0, |x| *x));
+            let (w, forces) = (kind(0), kind(LEGS));
+            let (found, _) = force(
+                &law,
+                &[f32::MAX; LEGS],
+                &mut single,
+                &w,
+                &forces,
+                &[0.0; LEGS],
+            );
             let expected = &exact.c * &whole + &exact.d * &y;
             whole = &exact.a * whole + &exact.b * y;
-            let n = DVector::from_column_slice(&noises);
             let by_noise = &exact.c * &of_noise + &exact.d * &n;
             of_noise = &exact.a * of_noise + &exact.b * n;
             if window == 0 {
@@ -109,11 +133,17 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
             }
         }
     }
+    let code = (board.dac.lsb() * board.actuator_gain).powi(2) / 12.0;
+    let by_noise = |hz: f64| {
+        let gain = linear.response(Complex::cis(TAU * hz / board.sample_rate));
+        gain.map(|z| z.norm_sqr()) * noise.map(|rms| rms * rms)
+    };
     AT.iter()
         .enumerate()
         .filter(|(_, hz)| **hz < 0.5 * board.sample_rate)
         .map(|(i, &hz)| Rounding {
             hz,
+            codes_over_noise_db: 10.0 * (code / by_noise(hz).min()).log10(),
             over_noise_db: (0..LEGS)
                 .map(|leg| 10.0 * (powers[0][i][leg] / powers[1][i][leg]).log10())
                 .fold(f64::MIN, f64::max),

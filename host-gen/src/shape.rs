@@ -7,7 +7,8 @@ use nalgebra::Complex;
 use serde::Serialize;
 use shared::table::{SECTIONS, Section};
 
-/// Two lags and a zero, and a notch or its opposite; gain 1 at rest.
+/// Two lags and a zero, and a notch or its opposite; gain 1 at rest. Of both kinds
+/// of sensors, where one takes over from the other.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Shape {
     /// Corners of the lags, Hz.
@@ -18,6 +19,9 @@ pub struct Shape {
     pub notch: Resonance,
     /// Its poles.
     pub notch_poles: Resonance,
+    /// Below it the accelerometers count, above it the force sensors, Hz; none of
+    /// one kind alone.
+    pub split_hz: Option<f64>,
 }
 
 /// A pair of poles or zeros.
@@ -119,6 +123,7 @@ mod tests {
                 hz: 110.0,
                 damping: 1.4,
             },
+            split_hz: None,
         };
         let period = 1e-6;
         let sections = shape.sections(period);

@@ -17,7 +17,7 @@ use crate::closed_loop::{
 };
 use crate::design::{Design, Gains, ideal_poles};
 use crate::law::LinearLaw;
-use crate::machine::{LawName, Machine, Target};
+use crate::machine::{Feedback, LawName, Machine, Target};
 use crate::plant::{SampledPlant, pole_peaks};
 use crate::shape::Shape;
 use crate::study::Study;
@@ -236,8 +236,10 @@ pub fn choose(
             target.max_sensitivity
         ),
     };
-    let zeros = transmission_zeros(&plant.plant.state_space, target.feedback);
-    if zeros.is_some_and(|zeros| grow(&zeros)) {
+    if target.feedback != Feedback::Both
+        && transmission_zeros(&plant.plant.state_space, target.feedback)
+            .is_some_and(|zeros| grow(&zeros))
+    {
         reason += ", and no gain can: what its sensors leave free is unstable under gravity (host-gen zeros); stiffen the legs sideways";
     }
     Err(ShapingError::Unreachable {

@@ -10,11 +10,11 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 use shared::LEGS;
-use shared::codes::{AdcCode, DacCode, LegForces};
+use shared::codes::{AdcCode, DacCode, LegForces, Samples};
 use shared::step::{State, step};
 use shared::table::ValidTable;
 
-use crate::machine::{Board, Simulation};
+use crate::machine::{Board, Sensor, Simulation};
 use crate::plant::{ByInput, SampledPlant, SampledStateSpace};
 
 /// White noise, then two second-order Butterworth filters at the band's ends.
@@ -155,15 +155,16 @@ pub struct Rig {
     /// Forces latched or on their way, the latest first.
     forces: VecDeque<[f64; LEGS]>,
     floor_noise: BandNoise,
-    /// rms of sensor and ADC together, V.
-    input_noise: f64,
+    /// Each kind of sensors with the rms of sensor and ADC together, V.
+    kinds: Vec<(Sensor, f64)>,
     sensor_noise: ChaCha8Rng,
     output_noise: ChaCha8Rng,
     /// Now and at the next sample.
     floor: [[f64; LEGS]; 2],
     /// Scales the floor from here on; 1 at first.
     pub floor_gain: f64,
-    /// Added to every sensor's offset from here on, V; 0 at first.
+    /// Added to the offset of every sensor of either kind from here on, V; 0 at
+    /// first.
     pub drift: [f64; LEGS],
 }
 
@@ -194,7 +195,11 @@ impl Rig {
             random
         };
         // White noise of that density up to half the sample rate.
-        let sensor = board.sensor.noise_density * (0.5 * board.sample_rate).sqrt();
+        let kind = |sensor: Sensor| {
+            let rms = sensor.noise_density * (0.5 * board.sample_rate).sqrt();
+            (sensor, (rms * sensor.sensitivity).hypot(board.adc_noise))
+        };
+        let kinds = [Some(board.sensor), board.beside];
         let blank = |rows: usize| vec![[0.0; BLOCK]; rows.div_ceil(BLOCK)];
         Self {
             state: blank(output.ncols()),
@@ -213,7 +218,7 @@ impl Rig {
             within,
             forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
             floor_noise: BandNoise::new(settings, plant.period, stream(0)),
-            input_noise: (sensor * board.sensor.sensitivity).hypot(board.adc_noise),
+            kinds: kinds.into_iter().flatten().map(kind).collect(),
             sensor_noise: stream(1),
             output_noise: stream(2),
             floor: [[0.0; LEGS]; 2],
@@ -230,7 +235,7 @@ impl Rig {
     }
 
     /// The next sampling instant: the codes the ADC gives.
-    pub fn sample(&mut self) -> [AdcCode; LEGS] {
+    pub fn sample(&mut self) -> Samples {
         let next = self.floor_noise.sample().map(|x| x * self.floor_gain);
         self.floor = [self.floor[1], next];
         let seen = self.forces[self.plant.whole_periods];
@@ -238,12 +243,20 @@ impl Rig {
         let mut y = [[0.0; BLOCK]];
         from_state.add_product(self.state.as_flattened(), &mut y);
         direct.add_product([self.floor[0], seen].as_flattened(), &mut y);
-        let Board { sensor, adc, .. } = &self.board;
-        core::array::from_fn(|i| {
-            let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
-            let offset = sensor.offset + self.drift[i];
-            adc.code(y[0][i] * sensor.sensitivity + offset + self.input_noise * normal)
-        })
+        let mut samples = Samples::from([AdcCode(0); LEGS]);
+        let codes = [&mut samples.sensors, &mut samples.forces];
+        let values = y[0].chunks_exact(LEGS);
+        for ((codes, values), (sensor, noise)) in codes.into_iter().zip(values).zip(&self.kinds) {
+            for ((code, value), drift) in codes.iter_mut().zip(values).zip(self.drift) {
+                let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
+                let offset = sensor.offset + drift;
+                *code = self
+                    .board
+                    .adc
+                    .code(value * sensor.sensitivity + offset + noise * normal);
+            }
+        }
+        samples
     }
 
     /// Latches `dac` in its turn and lets the period pass; gives the means of
@@ -334,7 +347,7 @@ pub fn run(
             dac = output.dac;
             if k >= settling {
                 run.clamped_steps += usize::from(output.status.clamped);
-                run.railed_steps += usize::from(output.status.sensors_at_rail != 0);
+                run.railed_steps += usize::from(output.status.at_rail());
             }
         }
         let performance = rig.advance(dac);

@@ -7,7 +7,7 @@
 use core::f64::consts::TAU;
 use core::ops::Range;
 
-use nalgebra::Matrix6;
+use nalgebra::{DVector, Matrix6};
 use serde::Serialize;
 use shared::LEGS;
 use shared::table::ValidTable;
@@ -15,7 +15,7 @@ use shared::table::ValidTable;
 use crate::closed_loop::{SampledLoop, grid};
 use crate::law::LinearLaw;
 use crate::machine::Board;
-use crate::plant::{Gain, SampledPlant, pole_peaks};
+use crate::plant::{Control, Gain, SampledPlant, pole_peaks};
 use crate::shaping::ShapingError;
 
 /// Bandwidth of a one-third-octave band over its centre, 2^(1/6) − 2^(−1/6).
@@ -175,8 +175,20 @@ pub fn budget(
     // White up to half the sample rate.
     let nyquist = 0.5 * board.sample_rate;
     let rounding = |noise: f64, lsb: f64| (noise * noise + lsb * lsb / 12.0) / nyquist;
-    let sensor = board.sensor.noise_density.powi(2);
-    let adc = rounding(board.adc_noise, board.adc.lsb()) / board.sensor.sensitivity.powi(2);
+    let adc = rounding(board.adc_noise, board.adc.lsb());
+    // By sensor: power densities of its own noise and of the ADC's as its own.
+    let (sensor_noise, adc_noise): (Vec<_>, Vec<_>) = [Some(board.sensor), board.beside]
+        .into_iter()
+        .flatten()
+        .flat_map(|sensor| {
+            let powers = (
+                sensor.noise_density.powi(2),
+                adc / sensor.sensitivity.powi(2),
+            );
+            [powers; LEGS]
+        })
+        .unzip();
+    let [sensor_noise, adc_noise] = [sensor_noise, adc_noise].map(DVector::from_vec);
     let dac = rounding(board.dac_noise, board.dac.lsb()) * board.actuator_gain.powi(2);
 
     let model = &plant.plant;
@@ -189,54 +201,43 @@ pub fn budget(
     };
     for &hz in &budget.hz {
         let response = plant.response(hz);
-        let controller = law.map_or_else(Matrix6::zeros, |law| law.response(plant.z(hz)));
+        let none = || Control::zeros(model.sensors().len());
+        let controller = law.map_or_else(none, |law| law.response(plant.z(hz)));
         // σ = K·(sensors' floor part + noise), and what a disturbance of the
         // forces comes to in the loop.
         let one = Matrix6::identity();
         let g22 = response.g22();
-        let from_sensors = (one - g22 * controller)
-            .try_inverse()
-            .map_or_else(Matrix6::zeros, |inverse| controller * inverse);
-        let from_dac = (one - controller * g22)
+        let from_dac = (one - &controller * g22)
             .try_inverse()
             .unwrap_or_else(Matrix6::zeros);
+        let from_sensors = from_dac * &controller;
         let floor = floor.density(hz).powi(2);
-        let add =
-            |spectra: &mut Spectra, by_floor: &Gain, by_noise: &Gain, by_dac: &Gain, scale: f64| {
-                for (i, spectrum) in spectra.iter_mut().enumerate() {
-                    let power = |gain: &Gain| scale * gain.row(i).norm_squared();
-                    let noise = power(by_noise);
-                    spectrum.push([
-                        power(by_floor) * floor,
-                        noise * sensor,
-                        noise * adc,
-                        power(by_dac) * dac,
-                    ]);
-                }
-            };
+        let add = |spectra: &mut Spectra, by_floor: &Gain, by_force: &Gain, scale: f64| {
+            // Of these rows, what the sensors' noise comes to by the forces.
+            let by_noise = (by_force * &from_sensors).map(|z| z.norm_sqr());
+            let [sensors, adc] = [&sensor_noise, &adc_noise].map(|noise| &by_noise * noise);
+            let by_dac = by_force * from_dac;
+            for (i, spectrum) in spectra.iter_mut().enumerate() {
+                spectrum.push([
+                    scale * by_floor.row(i).norm_squared() * floor,
+                    scale * sensors[i],
+                    scale * adc[i],
+                    scale * by_dac.row(i).norm_squared() * dac,
+                ]);
+            }
+        };
         let outputs = |spectra: &mut Spectra, rows: Range<usize>, scale: f64| {
             let legs = response.from_legs(rows.clone());
-            add(
-                spectra,
-                &response.close(rows, &controller),
-                &(&legs * from_sensors),
-                &(&legs * from_dac),
-                scale,
-            );
+            let by_floor = response.close(rows, &controller);
+            add(spectra, &by_floor, &legs, scale);
         };
         let per_second = (TAU * hz).powi(-2);
         outputs(&mut budget.performance, model.performance(), 1.0);
         outputs(&mut budget.frame, model.frame(), per_second);
         outputs(&mut budget.stroke, model.legs(), per_second * per_second);
+        let by_floor = &from_sensors * response.from_floor(model.sensors());
         let all = |m: Matrix6<_>| Gain::from_column_slice(m.as_slice());
-        let g21 = response.from_floor(model.sensors());
-        add(
-            &mut budget.force,
-            &(all(from_sensors) * g21.fixed_rows::<LEGS>(0)),
-            &all(from_sensors),
-            &all(from_dac),
-            1.0,
-        );
+        add(&mut budget.force, &all(by_floor), &all(one), 1.0);
     }
     Ok(budget)
 }

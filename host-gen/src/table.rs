@@ -4,13 +4,15 @@ use std::fmt::Write as _;
 
 use nalgebra::{Complex, Matrix6};
 use shared::LEGS;
+use shared::codes::Calibration;
 use shared::table::{
-    Channel, Direct, FORMAT_VERSION, Feedback, Law, Modal, Paths, Table, TableError, ValidTable,
+    self, Channel, Complement, Direct, FORMAT_VERSION, Law, Modal, Paths, Table, TableError,
+    ValidTable,
 };
 
 use crate::design::{Design, Gains, ModalTransform};
 use crate::law::LinearLaw;
-use crate::machine::{Machine, Target};
+use crate::machine::{Feedback, Machine, Target};
 use crate::shape::Shape;
 
 /// AC coupling sits this far below ω_n, where it costs the lower crossover
@@ -55,13 +57,31 @@ pub fn modal(
     target: &Target,
     shapes: &[Shape; LEGS],
 ) -> Result<ValidTable, TableError> {
-    let ModalTransform { input, output } = design.transform();
+    let ModalTransform {
+        input,
+        beside,
+        output,
+    } = design.transform();
+    let period = machine.board.period();
+    let complement = machine.board.beside.zip(beside).map(|(sensor, input)| {
+        let calibration = machine.board.adc.calibration(sensor.sensitivity);
+        Complement {
+            sensors: [calibration; LEGS],
+            input: input.map(|x| x as f32),
+            // Without one the accelerometers count alone.
+            split: shapes.each_ref().map(|shape| {
+                let split = shape.split_hz.map(|hz| coefficient(hz, period) as f32);
+                split.unwrap_or(1.0)
+            }),
+        }
+    });
     with_paths(
         machine,
         target,
         Paths::Modal(Modal {
             input: input.map(|x| x as f32),
-            channels: channels(design, target, shapes, machine.board.period()),
+            complement,
+            channels: channels(design, target, shapes, period),
             sections: Shape::SECTIONS,
             output: output.map(|x| x as f32),
         }),
@@ -96,7 +116,10 @@ fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidT
         version: FORMAT_VERSION,
         model: machine.digest,
         sample_rate: board.sample_rate as f32,
-        feedback: target.feedback,
+        feedback: match target.feedback {
+            Feedback::Acceleration | Feedback::Both => table::Feedback::Acceleration,
+            Feedback::Force => table::Feedback::Force,
+        },
         sensors: [board.adc.calibration(board.sensor.sensitivity); LEGS],
         adc_max: board.adc.max(),
         ac_coupling: coefficient(AC_COUPLING * frequency, period) as f32,
@@ -128,8 +151,8 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     let t = table.get();
     let mut out = String::new();
     let sensor_unit = match t.feedback {
-        Feedback::Acceleration => "m/s²",
-        Feedback::Force => "N",
+        table::Feedback::Acceleration => "m/s²",
+        table::Feedback::Force => "N",
     };
     // Writing to a String cannot fail.
     let mut line = |text: &str| writeln!(out, "{text}").unwrap_or_default();
@@ -147,8 +170,13 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
         Paths::Direct(_) => {
             "use shared::table::{Direct, Feedback, Law, ModelDigest, Paths, Table, ValidTable};"
         }
-        Paths::Modal(_) => {
+        Paths::Modal(Modal {
+            complement: None, ..
+        }) => {
             "use shared::table::{\n    Channel, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,\n};"
+        }
+        Paths::Modal(_) => {
+            "use shared::table::{\n    Channel, Complement, Feedback, Law, Modal, ModelDigest, Paths, Section, Table,\n    ValidTable,\n};"
         }
     });
     line("");
@@ -166,14 +194,7 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     line(&format!("    sample_rate: {:?},", t.sample_rate));
     line(&format!("    feedback: Feedback::{:?},", t.feedback));
     line(&format!("    // {sensor_unit} per code."));
-    line("    sensors: [");
-    for s in &t.sensors {
-        line(&format!(
-            "        Calibration {{ zero: {:?}, gain: {:?} }},",
-            s.zero, s.gain
-        ));
-    }
-    line("    ],");
+    emit_sensors(&mut line, "    ", &t.sensors);
     line(&format!("    adc_max: AdcCode({}),", t.adc_max.0));
     line(&format!("    ac_coupling: {:?},", t.ac_coupling));
     line(&format!("    // {sensor_unit}."));
@@ -215,10 +236,21 @@ fn emit_matrix(line: &mut impl FnMut(&str), field: &str, comment: &str, m: &Matr
     line("            ],");
 }
 
-fn emit_direct(line: &mut impl FnMut(&str), direct: &Direct, feedback: Feedback) {
+fn emit_sensors(line: &mut impl FnMut(&str), indent: &str, sensors: &[Calibration; LEGS]) {
+    line(&format!("{indent}sensors: ["));
+    for s in sensors {
+        line(&format!(
+            "{indent}    Calibration {{ zero: {:?}, gain: {:?} }},",
+            s.zero, s.gain
+        ));
+    }
+    line(&format!("{indent}],"));
+}
+
+fn emit_direct(line: &mut impl FnMut(&str), direct: &Direct, feedback: table::Feedback) {
     let [proportional, integral] = match feedback {
-        Feedback::Acceleration => ["K_a, N/(m/s²)", "K_v·T/2, N/(m/s²)"],
-        Feedback::Force => ["K_P", "K_I·T/2"],
+        table::Feedback::Acceleration => ["K_a, N/(m/s²)", "K_v·T/2, N/(m/s²)"],
+        table::Feedback::Force => ["K_P", "K_I·T/2"],
     };
     line("        paths: Paths::Direct(Direct {");
     line(&format!("            roll_off: {:?},", direct.roll_off));
@@ -227,13 +259,28 @@ fn emit_direct(line: &mut impl FnMut(&str), direct: &Direct, feedback: Feedback)
     line("        }),");
 }
 
-fn emit_modal(line: &mut impl FnMut(&str), modal: &Modal, feedback: Feedback) {
+fn emit_modal(line: &mut impl FnMut(&str), modal: &Modal, feedback: table::Feedback) {
     let input = match feedback {
-        Feedback::Acceleration => "T_in, m/s² to √kg·m/s²",
-        Feedback::Force => "T_in, N to N/√kg",
+        table::Feedback::Acceleration => "T_in, m/s² to √kg·m/s²",
+        table::Feedback::Force => "T_in, N to N/√kg",
     };
     line("        paths: Paths::Modal(Modal {");
     emit_matrix(line, "input", input, &modal.input);
+    match &modal.complement {
+        None => line("            complement: None,"),
+        Some(Complement {
+            sensors,
+            input,
+            split,
+        }) => {
+            line("            complement: Some(Complement {");
+            line("            // N per code.");
+            emit_sensors(line, "            ", sensors);
+            emit_matrix(line, "input", "Sᵀ, N to N/√kg", input);
+            line(&format!("            split: {split:?},"));
+            line("            }),");
+        }
+    }
     line("            channels: [");
     for channel in &modal.channels {
         line("                Channel {");

@@ -15,9 +15,9 @@ use shared::LEGS;
 
 use crate::closed_loop::{ELSEWHERE, grid, keeps};
 use crate::design::{Design, alike};
-use crate::law::{ac_coupling, channel_response};
+use crate::law::{ac_coupling, channel_response, low_pass};
 use crate::linear::largest_singular_value;
-use crate::machine::{Machine, Minimise, Target};
+use crate::machine::{Feedback, Machine, Minimise, Target};
 use crate::plant::{Gain, SampledPlant};
 use crate::shape::{Resonance, Shape};
 use crate::shaping::{SLOWEST, isolation_band};
@@ -28,9 +28,15 @@ type Six = Matrix6<Complex<f64>>;
 /// Points of the lattice lie this far apart, in part of their value.
 const LATTICE: f64 = 0.02;
 
-/// Numbers of a shape on the lattice, and those of its first section.
-const NUMBERS: usize = 7;
+/// Numbers of a shape on the lattice: three of its first section, four of its
+/// second, and the split between two kinds of sensors.
+const NUMBERS: usize = 8;
 const LAGS: usize = 3;
+const SECTIONS: usize = 7;
+const SPLIT: usize = 7;
+
+/// Splits to begin with, Hz.
+const SPLITS: [f64; 5] = [5.0, 30.0, 120.0, 500.0, 2000.0];
 
 /// From one crossover that is tried to the next.
 const SLOWER: f64 = 0.8;
@@ -38,13 +44,14 @@ const SLOWER: f64 = 0.8;
 /// A shape as lattice numbers: hz or damping = exp(LATTICE·n).
 type Place = [i32; NUMBERS];
 
-fn shape(place: &Place) -> Shape {
-    let [lag, second, zero, a, b, c, d] = place.map(|n| (LATTICE * f64::from(n)).exp());
+fn shape(place: &Place, both: bool) -> Shape {
+    let [lag, second, zero, a, b, c, d, split] = place.map(|n| (LATTICE * f64::from(n)).exp());
     Shape {
         lags_hz: [lag, second],
         zero_hz: zero,
         notch: Resonance { hz: a, damping: b },
         notch_poles: Resonance { hz: c, damping: d },
+        split_hz: both.then_some(split),
     }
 }
 
@@ -58,15 +65,42 @@ struct Point {
     z: Complex<f64>,
     /// T_in·G22·T_out.
     plant: Six,
+    /// The same of the force sensors beside.
+    beside: Option<Six>,
+}
+
+/// What the channels do at one frequency.
+struct Channels {
+    gains: [Complex<f64>; LEGS],
+    /// How much each takes of the accelerometers and of the force sensors beside
+    /// them.
+    split: Option<[[Complex<f64>; 2]; LEGS]>,
+}
+
+impl Channels {
+    /// What the channels see of both kinds.
+    fn blend(&self, own: &Six, beside: Option<&Six>) -> Six {
+        let mut blend = *own;
+        if let (Some(split), Some(beside)) = (self.split, beside) {
+            for (i, [part, rest]) in split.into_iter().enumerate() {
+                for (x, other) in blend.row_mut(i).iter_mut().zip(beside.row(i).iter()) {
+                    *x = part * *x + rest * other;
+                }
+            }
+        }
+        blend
+    }
 }
 
 /// Outputs at one frequency.
 struct Seen {
     hz: f64,
     point: Point,
-    /// From the floor to the outputs, and to the modes.
+    /// From the floor to the outputs, and to the modes, by the sensors and by
+    /// those beside.
     open: Gain,
     to_modes: Six,
+    to_modes_beside: Option<Six>,
     /// From the modes to the outputs.
     from_modes: Gain,
 }
@@ -127,9 +161,18 @@ impl<'a> Search<'a> {
         let transform = design.transform();
         let input = transform.input.map(Complex::from);
         let output = transform.output.map(Complex::from);
-        let point = |hz: f64| Point {
-            z: plant.z(hz),
-            plant: input * plant.response(hz).g22() * output,
+        let beside = transform.beside.map(|input| input.map(Complex::from));
+        // A kind's six rows of a gain to the sensors.
+        let of_kind = |gain: &Gain, input: Six, first: usize| -> Six {
+            input * gain.fixed_rows::<LEGS>(first)
+        };
+        let point = |hz: f64| {
+            let g22 = plant.response(hz).g22();
+            Point {
+                z: plant.z(hz),
+                plant: of_kind(&g22, input, 0) * output,
+                beside: beside.map(|input| of_kind(&g22, input, LEGS) * output),
+            }
         };
         let mut peaks = plant.plant.peaks();
         peaks.extend(sharp);
@@ -139,12 +182,14 @@ impl<'a> Search<'a> {
                 hz.into_iter()
                     .map(|hz| {
                         let response = plant.response(hz);
-                        let sensed = response.from_floor(0..LEGS);
+                        let sensed = response.from_floor(plant.plant.sensors());
                         Seen {
                             hz,
                             point: point(hz),
                             open: response.from_floor(rows.clone()) * floor,
-                            to_modes: input * sensed.fixed_rows::<LEGS>(0) * floor,
+                            to_modes: of_kind(&sensed, input, 0) * floor,
+                            to_modes_beside: beside
+                                .map(|input| of_kind(&sensed, input, LEGS) * floor),
                             from_modes: response.from_legs(rows.clone()) * output,
                         }
                     })
@@ -200,10 +245,16 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Whether there are two kinds of sensors.
+    fn both(&self) -> bool {
+        self.target.feedback == Feedback::Both
+    }
+
     fn shapes(&self, places: &[Place]) -> [Shape; LEGS] {
-        let mut shapes = [shape(&places[0]); LEGS];
+        let both = self.both();
+        let mut shapes = [shape(&places[0], both); LEGS];
         for (group, place) in self.groups.iter().zip(places) {
-            shapes[group.clone()].fill(shape(place));
+            shapes[group.clone()].fill(shape(place, both));
         }
         shapes
     }
@@ -216,20 +267,37 @@ impl<'a> Search<'a> {
         let channels = table::channels(self.design, &self.target, &shapes, period);
         let slow = |part: f64| table::coefficient(part * self.target.frequency, period);
         let (high_pass, leak) = (slow(table::AC_COUPLING), slow(table::LEAK));
-        let gains = |z: Complex<f64>| {
+        let splits = shapes.map(|shape| shape.split_hz.map(|hz| table::coefficient(hz, period)));
+        let at = |z: Complex<f64>| {
             let high_pass = ac_coupling(high_pass, z);
-            channels
+            let gains = channels
                 .each_ref()
-                .map(|channel| high_pass * channel_response(channel, Shape::SECTIONS, leak, z))
+                .map(|channel| channel_response(channel, Shape::SECTIONS, leak, z));
+            if self.both() {
+                // AC coupling is the accelerometers' alone.
+                let parts = |c: Option<f64>| {
+                    let low = low_pass(c.unwrap_or(1.0), z);
+                    [high_pass * low, 1.0 - low]
+                };
+                Channels {
+                    gains,
+                    split: Some(splits.map(parts)),
+                }
+            } else {
+                Channels {
+                    gains: gains.map(|gain| high_pass * gain),
+                    split: None,
+                }
+            }
         };
         let bound = MARGIN * self.target.max_sensitivity;
         let within = |point: &Point| {
-            let gains = gains(point.z);
-            let modes = point.return_difference(gains);
+            let channels = at(point.z);
+            let modes = point.return_difference(&channels);
             keeps(modes, bound)
                 && keeps(self.output * modes * self.output_inverse, ELSEWHERE * bound)
                 && keeps(
-                    self.input_inverse * point.at_sensors(gains) * self.input,
+                    self.input_inverse * point.at_sensors(&channels) * self.input,
                     ELSEWHERE * bound,
                 )
         };
@@ -245,7 +313,7 @@ impl<'a> Search<'a> {
             .loops
             .par_iter()
             .with_min_len(64)
-            .map(|point| point.return_difference(gains(point.z)).determinant())
+            .map(|point| point.return_difference(&at(point.z)).determinant())
             .collect();
         // It begins at 1: AC coupling leaves nothing of the loop at z = 1.
         let mut before = Complex::ONE;
@@ -260,7 +328,7 @@ impl<'a> Search<'a> {
         let follows = self
             .isolation
             .iter()
-            .map(|seen| largest_singular_value(&seen.closed(gains(seen.point.z))))
+            .map(|seen| largest_singular_value(&seen.closed(&at(seen.point.z))))
             .fold(0.0, f64::max);
         if follows > FRAC_1_SQRT_2 {
             return Some(LATE * follows);
@@ -268,28 +336,25 @@ impl<'a> Search<'a> {
         let levels: Vec<f64> = self
             .aims
             .iter()
-            .map(|aim| aim.level(self.target.minimise, gains))
+            .map(|aim| aim.level(self.target.minimise, at))
             .collect();
         let mean = levels.iter().sum::<f64>() / levels.len() as f64;
         let worst = levels.into_iter().fold(f64::MIN, f64::max);
         Some(worst + 0.1 * mean)
     }
 
-    /// Goes to `place` if that is better; equal to rounding is not.
-    fn go(&self, places: &mut [Place], group: usize, place: Place, best: &mut f64) -> bool {
-        if !self.allowed(&place) {
+    /// Goes to `to` if that is better; equal to rounding is not.
+    fn go(&self, places: &mut Vec<Place>, to: Vec<Place>, best: &mut f64) -> bool {
+        if !to.iter().all(|place| self.allowed(place)) {
             return false;
         }
-        let before = core::mem::replace(&mut places[group], place);
-        match self.level(places) {
+        match self.level(&to) {
             Some(level) if level < *best - WORTH_IT => {
+                *places = to;
                 *best = level;
                 true
             }
-            _ => {
-                places[group] = before;
-                false
-            }
+            _ => false,
         }
     }
 
@@ -306,9 +371,11 @@ impl<'a> Search<'a> {
         };
         self.scan(&mut places, &mut best, &progress);
         self.scan(&mut places, &mut best, &progress);
-        for (numbers, steps) in [(LAGS, &[16, 8, 4][..]), (NUMBERS, &[16, 8, 4, 2, 1])] {
+        let split = self.both().then_some(SPLIT);
+        let numbers = |count| (0..count).chain(split).collect::<Vec<_>>();
+        for (count, steps) in [(LAGS, &[16, 8, 4][..]), (SECTIONS, &[16, 8, 4, 2, 1])] {
             for &step in steps {
-                self.settle(&mut places, &mut best, numbers, step, &progress);
+                self.settle(&mut places, &mut best, &numbers(count), step, &progress);
             }
         }
         (best < LATE * FRAC_1_SQRT_2).then(|| self.shapes(&places))
@@ -326,10 +393,13 @@ impl<'a> Search<'a> {
     }
 
     /// Coarse, one mode after the other.
-    fn scan(&self, places: &mut [Place], best: &mut f64, progress: &impl Fn() -> bool) {
+    fn scan(&self, places: &mut Vec<Place>, best: &mut f64, progress: &impl Fn() -> bool) {
         for group in 0..places.len() {
-            for place in self.coarse(group) {
-                self.go(places, group, place, best);
+            for mut place in self.coarse(group) {
+                place[SPLIT] = places[group][SPLIT];
+                let mut to = places.clone();
+                to[group] = place;
+                self.go(places, to, best);
                 progress();
             }
         }
@@ -340,6 +410,11 @@ impl<'a> Search<'a> {
     fn start(&self) -> Option<(Vec<Place>, f64)> {
         let all = |place: &dyn Fn(usize) -> Place| -> Vec<Place> {
             (0..self.groups.len()).map(place).collect()
+        };
+        let splits = if self.both() {
+            &SPLITS[..]
+        } else {
+            &SPLITS[..1]
         };
         // A lag and a zero that cancel.
         let one_lag = |corner: f64| self.place([corner, self.neutral()], self.neutral());
@@ -353,6 +428,15 @@ impl<'a> Search<'a> {
                     all(&|group| one_lag(crossover / self.root(group).powi(2))),
                     all(&|_| one_lag(crossover / slowest)),
                 ]
+            })
+            .flat_map(|places| {
+                splits.iter().map(move |&split| {
+                    let mut places = places.clone();
+                    for place in &mut places {
+                        place[SPLIT] = nearest(split);
+                    }
+                    places
+                })
             })
             .filter_map(|places| self.level(&places).map(|level| (places, level)))
             .min_by(|(_, a), (_, b)| a.total_cmp(b))
@@ -392,7 +476,7 @@ impl<'a> Search<'a> {
     fn place(&self, lags: [f64; 2], zero: f64) -> Place {
         let [a, b] = lags.map(nearest);
         let neutral = nearest(self.neutral());
-        [a, b, nearest(zero), neutral, 0, neutral, 0]
+        [a, b, nearest(zero), neutral, 0, neutral, 0, 0]
     }
 
     /// Where what does nothing begins to be moved from, Hz.
@@ -403,19 +487,19 @@ impl<'a> Search<'a> {
     /// Moves of `step` in one number or two, group by group, until none helps.
     fn settle(
         &self,
-        places: &mut [Place],
+        places: &mut Vec<Place>,
         best: &mut f64,
-        numbers: usize,
+        numbers: &[usize],
         step: i32,
         progress: &impl Fn() -> bool,
     ) {
         let mut moves: Vec<Place> = Vec::new();
-        for i in 0..numbers {
+        for (k, &i) in numbers.iter().enumerate() {
             for a in [-1, 1] {
                 let mut one = [0; NUMBERS];
                 one[i] = a;
                 moves.push(one);
-                for j in 0..i {
+                for &j in &numbers[..k] {
                     for b in [-1, 1] {
                         let mut two = one;
                         two[j] = b;
@@ -424,20 +508,28 @@ impl<'a> Search<'a> {
                 }
             }
         }
+        // Each group by itself, then all alike.
+        let count = places.len();
+        let parts: Vec<_> = (0..count)
+            .map(|group| group..group + 1)
+            .chain(core::iter::once(0..count))
+            .collect();
         loop {
             let mut moved = false;
-            for group in 0..places.len() {
+            for part in &parts {
                 for direction in &moves {
                     // On as long as it helps.
                     loop {
-                        let mut place = places[group];
-                        for (number, way) in place.iter_mut().zip(direction) {
-                            *number += step * way;
+                        let mut to = places.clone();
+                        for place in &mut to[part.clone()] {
+                            for (number, way) in place.iter_mut().zip(direction) {
+                                *number += step * way;
+                            }
                         }
                         if !progress() {
                             return;
                         }
-                        if !self.go(places, group, place, best) {
+                        if !self.go(places, to, best) {
                             break;
                         }
                         moved = true;
@@ -452,7 +544,7 @@ impl<'a> Search<'a> {
 
     /// Corners that the board's sections can have.
     fn allowed(&self, place: &Place) -> bool {
-        let shape = shape(place);
+        let shape = shape(place, self.both());
         let highest = 0.4 * self.machine.board.sample_rate;
         let lowest = 1e-3 * self.target.frequency;
         let corners = [
@@ -463,16 +555,17 @@ impl<'a> Search<'a> {
             shape.notch_poles.hz,
         ];
         let dampings = [shape.notch.damping, shape.notch_poles.damping];
-        corners.iter().all(|hz| (lowest..highest).contains(hz))
+        let mut corners = corners.iter().chain(&shape.split_hz);
+        corners.all(|hz| (lowest..highest).contains(hz))
             && dampings.iter().all(|zeta| (0.1..10.0).contains(zeta))
     }
 }
 
 impl Point {
     /// 1 + T_in·G22·T_out·C, opened at the modal sensors.
-    fn at_sensors(&self, gains: [Complex<f64>; LEGS]) -> Six {
-        let mut difference = self.plant;
-        for (i, gain) in gains.into_iter().enumerate() {
+    fn at_sensors(&self, channels: &Channels) -> Six {
+        let mut difference = channels.blend(&self.plant, self.beside.as_ref());
+        for (i, gain) in channels.gains.into_iter().enumerate() {
             difference.column_mut(i).iter_mut().for_each(|x| *x *= gain);
             difference[(i, i)] += 1.0;
         }
@@ -480,9 +573,9 @@ impl Point {
     }
 
     /// 1 + C·T_in·G22·T_out, opened at the forces along the modes.
-    fn return_difference(&self, gains: [Complex<f64>; LEGS]) -> Six {
-        let mut difference = self.plant;
-        for (i, gain) in gains.into_iter().enumerate() {
+    fn return_difference(&self, channels: &Channels) -> Six {
+        let mut difference = channels.blend(&self.plant, self.beside.as_ref());
+        for (i, gain) in channels.gains.into_iter().enumerate() {
             difference.row_mut(i).iter_mut().for_each(|x| *x *= gain);
             difference[(i, i)] += 1.0;
         }
@@ -492,13 +585,14 @@ impl Point {
 
 impl Seen {
     /// From the floor with the loop closed.
-    fn closed(&self, gains: [Complex<f64>; LEGS]) -> Gain {
+    fn closed(&self, channels: &Channels) -> Gain {
         // f = −C·(1 + G·C)⁻¹·T_in·G21.
-        let difference = self.point.at_sensors(gains);
-        let Some(mut force) = difference.lu().solve(&self.to_modes) else {
+        let difference = self.point.at_sensors(channels);
+        let to_modes = channels.blend(&self.to_modes, self.to_modes_beside.as_ref());
+        let Some(mut force) = difference.lu().solve(&to_modes) else {
             return self.open.map(|_| Complex::from(f64::INFINITY));
         };
-        for (i, gain) in gains.into_iter().enumerate() {
+        for (i, gain) in channels.gains.into_iter().enumerate() {
             force.row_mut(i).iter_mut().for_each(|x| *x *= gain);
         }
         &self.open - &self.from_modes * force
@@ -507,18 +601,14 @@ impl Seen {
 
 impl Aim {
     /// dB over the reference.
-    fn level(
-        &self,
-        minimise: Minimise,
-        gains: impl Fn(Complex<f64>) -> [Complex<f64>; LEGS] + Sync,
-    ) -> f64 {
+    fn level(&self, minimise: Minimise, at: impl Fn(Complex<f64>) -> Channels + Sync) -> f64 {
         // The Frobenius norm is between σ_max and √6 times it, smooth, and a
         // fraction of the work.
         let all: Vec<f64> = self
             .points
             .par_iter()
             .with_min_len(32)
-            .map(|seen| seen.closed(gains(seen.point.z)).norm())
+            .map(|seen| seen.closed(&at(seen.point.z)).norm())
             .collect();
         let squares = match minimise {
             // Half of it the highest point, half the mean over the grid, which

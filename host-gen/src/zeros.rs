@@ -5,12 +5,11 @@
 //! (section 5). For accelerations these are the modes of what is left when the
 //! sensors stand still; for forces those without the legs' axial stiffness.
 
+use crate::linear::{eigenvalues, generalised_eigenvalues};
+use crate::machine::Feedback;
+use crate::plant::StateSpace;
 use nalgebra::{Complex, DMatrix};
 use shared::LEGS;
-use shared::table::Feedback;
-
-use crate::linear::{eigenvalues, generalised_eigenvalues};
-use crate::plant::StateSpace;
 
 /// D is inverted if no direction of it is smaller than its scale by this.
 const CONDITION: f64 = 1e8;
@@ -27,15 +26,28 @@ pub fn grow(zeros: &[Complex<f64>]) -> bool {
     zeros.iter().any(|s| s.re > 1e-6 * s.norm())
 }
 
-/// The zeros, rad/s, slowest first. The first six outputs of `plant` are the
-/// sensors. The twelve zeros at s = 0 that six accelerometers have, because
-/// nothing accelerates at rest, are left out.
+/// The zeros, rad/s, slowest first. The first outputs of `plant` are the
+/// sensors. Twelve sensors have none together: of both kinds, each kind's own.
 ///
 /// None if the eigenvalue iteration does not end.
 pub fn transmission_zeros(plant: &StateSpace, feedback: Feedback) -> Option<Vec<Complex<f64>>> {
+    match feedback {
+        Feedback::Acceleration => of_six(plant, 0, true),
+        Feedback::Force => of_six(plant, 0, false),
+        Feedback::Both => {
+            let accelerometers = of_six(plant, 0, true)?;
+            Some([accelerometers, of_six(plant, LEGS, false)?].concat())
+        }
+    }
+}
+
+/// The same of the six sensors from row `first` on. The twelve zeros at s = 0
+/// that six accelerometers have, because nothing accelerates at rest, are left
+/// out.
+fn of_six(plant: &StateSpace, first: usize, accelerometers: bool) -> Option<Vec<Complex<f64>>> {
     let b = plant.b.columns(LEGS, LEGS);
-    let c = plant.c.rows(0, LEGS);
-    let d = plant.d.view((0, LEGS), (LEGS, LEGS)).into_owned();
+    let c = plant.c.rows(first, LEGS);
+    let d = plant.d.view((first, LEGS), (LEGS, LEGS)).into_owned();
     // What D would be but for cancellation: sensors that a force reaches only
     // through springs leave nothing of it but rounding.
     let slow = plant.a.clone().lu().solve(&b.into_owned())?;
@@ -61,7 +73,7 @@ pub fn transmission_zeros(plant: &StateSpace, feedback: Feedback) -> Option<Vec<
         all
     };
     zeros.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
-    if feedback == Feedback::Acceleration {
+    if accelerometers {
         zeros.drain(..zeros.len().min(2 * LEGS));
     }
     Some(zeros)

@@ -11,13 +11,13 @@ use host_gen::design::ideal_poles;
 use host_gen::energy::{Kind, energies};
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::linear::largest_singular_value;
+use host_gen::machine::Feedback;
 use host_gen::machine::Machine;
 use host_gen::output::analysis::{Frequencies, Sigma, both_kinds};
 use host_gen::statics::buckling_load;
 use host_gen::study::Study;
 use host_gen::zeros::{grow, transmission_zeros};
 use nalgebra::{Complex, DMatrix};
-use shared::table::Feedback;
 
 fn zeros(study: &Study) -> Vec<f64> {
     let zeros = transmission_zeros(&study.plant.plant.state_space, study.design.feedback).unwrap();

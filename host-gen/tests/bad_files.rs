@@ -414,6 +414,13 @@ fn control_errors() {
         "control.feedback",
         "unknown variant `velocity`",
     );
+    refused(
+        "feedback = \"acceleration\"",
+        "law = \"direct\"\nfeedback = \"both\"",
+        "law = \"direct\"",
+        "control.law",
+        "\"modal\"",
+    );
 }
 
 #[test]

@@ -206,10 +206,10 @@ fn the_corner_is_the_highest_within_the_bound() {
             let c = law.response(study.plant.z(hz));
             let g = study.plant.response(hz).g22();
             for (l, part) in [
-                (-(to * c * g * from), 1.0),
+                (-(to * (&c * &g) * from), 1.0),
                 // Legs and sensors may have half as much again.
-                (-(c * g), 1.5),
-                (-(g * c), 1.5),
+                (-(&c * &g), 1.5),
+                ((-(&g * &c)).fixed_view::<6, 6>(0, 0).into_owned(), 1.5),
             ] {
                 let sensitivity = (Matrix6::identity() + l).try_inverse().unwrap();
                 worst = worst.max(sensitivity.singular_values().max() / part);

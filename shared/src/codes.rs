@@ -10,6 +10,26 @@ use crate::LEGS;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AdcCode(pub i16);
 
+/// What the ADCs read at one instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Samples {
+    /// The table's sensors.
+    pub sensors: [AdcCode; LEGS],
+    /// The force sensors beside them, where a table has a
+    /// [`Complement`](crate::table::Complement); else nobody looks.
+    pub forces: [AdcCode; LEGS],
+}
+
+impl From<[AdcCode; LEGS]> for Samples {
+    /// Of a board with six sensors.
+    fn from(sensors: [AdcCode; LEGS]) -> Self {
+        Self {
+            sensors,
+            forces: [AdcCode(0); LEGS],
+        }
+    }
+}
+
 /// A raw DAC word: straight binary, 0 is the low end of the range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DacCode(pub u16);
@@ -168,6 +188,11 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// Whether all is finite and a code means something.
+    pub(crate) const fn is_usable(&self) -> bool {
+        self.zero.is_finite() && self.gain.is_finite() && self.gain != 0.0
+    }
+
     /// The value of a code, m/s² or N.
     #[inline]
     pub fn value(&self, code: AdcCode) -> f32 {

@@ -18,7 +18,8 @@
 //! or through the modes,
 //!
 //! ```text
-//! r   = sections(T_in·w)                        by channel
+//! r   = sections(T_in·w)                        by channel; with force sensors
+//!                                               beside them see [`Complement`]
 //! x  += −leak·x + k_i·(r + r_before)            N/√kg
 //! u   = injection + T_out·(−x − k_p·r)
 //! ```
@@ -38,8 +39,8 @@
 use nalgebra::Matrix6;
 
 use crate::LEGS;
-use crate::codes::{AdcCode, DacCode, LegForces};
-use crate::table::{Direct, Law, Modal, Paths, SECTIONS, Section, ValidTable};
+use crate::codes::{AdcCode, Calibration, DacCode, LegForces, Samples};
+use crate::table::{Complement, Direct, Law, Modal, Paths, SECTIONS, Section, ValidTable};
 
 type Six = [f32; LEGS];
 
@@ -54,6 +55,9 @@ pub struct State {
 /// The memory of [`force`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LawState {
+    /// By mode, what accelerometers show at low frequency that force sensors do
+    /// not, √kg·m/s².
+    difference: Six,
     /// By section and then by channel, x1 and x2.
     sections: [[Six; 2]; SECTIONS],
     /// The shaped sample before: of a sensor, or of a mode.
@@ -65,6 +69,7 @@ pub struct LawState {
 impl LawState {
     /// At rest.
     pub const REST: Self = Self {
+        difference: [0.0; LEGS],
         sections: [[[0.0; LEGS]; 2]; SECTIONS],
         before: [0.0; LEGS],
         integral: [0.0; LEGS],
@@ -72,23 +77,27 @@ impl LawState {
 }
 
 impl State {
-    /// At rest, with the AC coupling settled on `adc`: a sensor's offset gives
-    /// no kick when the loop starts.
-    pub fn settled_on(table: &ValidTable, adc: [AdcCode; LEGS]) -> Self {
+    /// At rest, with AC coupling and [`Complement`] settled on `adc`: a sensor's
+    /// offset gives no kick when the loop starts.
+    pub fn settled_on(table: &ValidTable, adc: Samples) -> Self {
+        let t = table.get();
         let mut averages = [[0.0; LEGS]; 2];
-        if table.get().ac_coupling > 0.0 {
-            averages[0] = calibrate(table, adc);
+        if t.ac_coupling > 0.0 {
+            averages[0] = calibrate(&t.sensors, adc.sensors);
         }
-        Self {
-            averages,
-            law: LawState::REST,
+        let mut law = LawState::REST;
+        if let Some(complement) = t.complement() {
+            let forces = calibrate(&complement.sensors, adc.forces);
+            law.difference = subtract_product(law.difference, &complement.input, &forces);
         }
+        Self { averages, law }
     }
 
     /// Whether every number in it is finite.
     pub fn is_finite(&self) -> bool {
         let finite = |six: &Six| six.iter().all(|x| x.is_finite());
         self.averages.iter().all(finite)
+            && finite(&self.law.difference)
             && self.law.sections.as_flattened().iter().all(finite)
             && finite(&self.law.before)
             && finite(&self.law.integral)
@@ -100,10 +109,19 @@ impl State {
 pub struct Status {
     /// Bit i: sensor i's code was at an end of the ADC's range.
     pub sensors_at_rail: u8,
+    /// The same of the force sensors beside them.
+    pub forces_at_rail: u8,
     /// The clamp was active.
     pub clamped: bool,
     /// The force was not a finite number; the output is the safe one.
     pub not_finite: bool,
+}
+
+impl Status {
+    /// Whether any sensor's code was at an end of the ADC's range.
+    pub fn at_rail(&self) -> bool {
+        self.sensors_at_rail != 0 || self.forces_at_rail != 0
+    }
 }
 
 /// What one step gives.
@@ -115,21 +133,33 @@ pub struct Output {
     pub status: Status,
 }
 
-fn calibrate(table: &ValidTable, adc: [AdcCode; LEGS]) -> Six {
-    let sensors = &table.get().sensors;
+fn calibrate(sensors: &[Calibration; LEGS], adc: [AdcCode; LEGS]) -> Six {
     core::array::from_fn(|i| sensors[i].value(adc[i]))
+}
+
+/// Bit i: code i is at an end of the ADC's range.
+fn at_rail(adc: [AdcCode; LEGS], max: AdcCode) -> u8 {
+    let mut bits = 0;
+    for (i, code) in adc.iter().enumerate() {
+        if code.0 >= max.0 || code.0 < -max.0 {
+            bits |= 1 << i;
+        }
+    }
+    bits
 }
 
 /// One sample: `adc` as read at this instant, `injection` added to the
 /// controller's force before the clamp; out come the codes to latch.
-pub fn step(
-    table: &ValidTable,
-    state: &mut State,
-    adc: [AdcCode; LEGS],
-    injection: LegForces,
-) -> Output {
+pub fn step(table: &ValidTable, state: &mut State, adc: Samples, injection: LegForces) -> Output {
     let t = table.get();
-    let y = calibrate(table, adc);
+    let y = calibrate(&t.sensors, adc.sensors);
+    let (forces, forces_at_rail) = match t.complement() {
+        Some(complement) => (
+            calibrate(&complement.sensors, adc.forces),
+            at_rail(adc.forces, t.adc_max),
+        ),
+        None => ([0.0; LEGS], 0),
+    };
     let [h1, h2] = &mut state.averages;
     let w: Six = core::array::from_fn(|i| {
         let v = y[i] - h1[i];
@@ -139,17 +169,12 @@ pub fn step(
         w
     });
     let limits = core::array::from_fn(|i| t.actuators[i].limit);
-    let (force, clamp) = force(&t.law, &limits, &mut state.law, &w, &injection.0);
-    let mut sensors_at_rail = 0;
-    for (i, code) in adc.iter().enumerate() {
-        if code.0 >= t.adc_max.0 || code.0 < -t.adc_max.0 {
-            sensors_at_rail |= 1 << i;
-        }
-    }
+    let (force, clamp) = force(&t.law, &limits, &mut state.law, &w, &forces, &injection.0);
     Output {
         dac: core::array::from_fn(|i| t.actuators[i].code(force[i])),
         status: Status {
-            sensors_at_rail,
+            sensors_at_rail: at_rail(adc.sensors, t.adc_max),
+            forces_at_rail,
             clamped: clamp == Clamp::Active,
             not_finite: clamp == Clamp::NotFinite,
         },
@@ -167,14 +192,16 @@ pub enum Clamp {
     NotFinite,
 }
 
-/// The law itself: from AC-coupled sensor values `w` to forces. `injection` and
-/// `limits` in N; gives the forces in N, each within its limit.
+/// The law itself: from AC-coupled sensor values `w` to forces. `forces`, those
+/// measured beside accelerometers, `injection` and `limits` in N; gives the
+/// forces in N, each within its limit.
 #[inline]
 pub fn force(
     law: &Law,
     limits: &Six,
     state: &mut LawState,
     w: &Six,
+    forces: &Six,
     injection: &Six,
 ) -> (Six, Clamp) {
     match &law.paths {
@@ -192,7 +219,7 @@ pub fn force(
             (held, Clamp::Active)
         }
         Paths::Modal(modal) => {
-            let asked = modal_force(modal, law.leak, state, w);
+            let asked = modal_force(modal, law.leak, state, w, forces);
             let force = add_product(*injection, &modal.output, &asked);
             if inside(&force, limits) {
                 return (force, Clamp::Idle);
@@ -224,8 +251,17 @@ fn direct_force(direct: &Direct, leak: f32, state: &mut LawState, w: &Six, injec
 
 /// Forces along the modes, N/√kg.
 #[inline]
-fn modal_force(modal: &Modal, leak: f32, state: &mut LawState, w: &Six) -> Six {
+fn modal_force(modal: &Modal, leak: f32, state: &mut LawState, w: &Six, forces: &Six) -> Six {
     let mut r = add_product([0.0; LEGS], &modal.input, w);
+    if let Some(Complement { input, split, .. }) = &modal.complement {
+        let f = add_product([0.0; LEGS], input, forces);
+        for i in 0..LEGS {
+            let d = state.difference[i];
+            let d = d + split[i] * (r[i] - f[i] - d);
+            state.difference[i] = d;
+            r[i] = f[i] + d;
+        }
+    }
     // `zip` and `take` bound the sections without a check that could panic.
     for (j, states) in state.sections.iter_mut().enumerate().take(modal.sections) {
         let [x1, x2] = states;

@@ -11,13 +11,13 @@ use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, Drive};
 
 /// The table layout this code reads.
-pub const FORMAT_VERSION: u16 = 3;
+pub const FORMAT_VERSION: u16 = 4;
 
 /// SHA-256 of the machine description a table was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ModelDigest(pub [u8; 32]);
 
-/// What the six sensors measure.
+/// What a table's six sensors measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feedback {
     /// Absolute accelerations of the frame, m/s² (Eq. 12).
@@ -80,12 +80,54 @@ pub struct Modal {
     /// T_in. Accelerations: S⁻¹·T_c⁻¹, to modal accelerations, √kg·m/s².
     /// Forces: Sᵀ, to modal forces, N/√kg.
     pub input: Matrix6<f32>,
+    /// Force sensors beside accelerometers.
+    pub complement: Option<Complement>,
     /// By mode.
     pub channels: [Channel; LEGS],
     /// How many of the sections run, the same for all channels.
     pub sections: usize,
     /// T_out = S⁻ᵀ, from modal forces, N/√kg, to leg forces, N.
     pub output: Matrix6<f32>,
+}
+
+/// Force sensors that take over from accelerometers at high frequency.
+///
+/// The legs' forces are all that accelerates the machine as a rigid whole, so
+/// Sᵀ times the forces is what T_in makes of the accelerations, S⁻¹·T_c⁻¹·y:
+/// N/√kg is √kg·m/s². In each channel a first-order low-pass of the one and the
+/// high-pass that complements it of the other add up:
+///
+/// ```text
+/// d += split·(a − f − d)
+/// r  = f + d
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Complement {
+    /// Force sensor channels, in the order of `input`'s columns.
+    pub sensors: [Calibration; LEGS],
+    /// Sᵀ, N to N/√kg.
+    pub input: Matrix6<f32>,
+    /// By mode: coefficient of the low-pass.
+    pub split: [f32; LEGS],
+}
+
+impl Complement {
+    const fn validate(&self) -> Result<(), TableError> {
+        if let Some(row) = bad_row(&self.input) {
+            return Err(TableError::Gain(row));
+        }
+        let mut i = 0;
+        while i < LEGS {
+            if !self.sensors[i].is_usable() {
+                return Err(TableError::ForceSensor(i));
+            }
+            if !(fraction(self.split[i]) && self.split[i] > 0.0) {
+                return Err(TableError::Shaping);
+            }
+            i += 1;
+        }
+        Ok(())
+    }
 }
 
 /// Room for second-order sections in a channel.
@@ -185,10 +227,14 @@ pub enum TableError {
     SampleRate,
     /// A sensor's calibration is not finite or its gain is zero; the channel.
     Sensor(usize),
+    /// The same of a force sensor beside accelerometers.
+    ForceSensor(usize),
+    /// Force sensors beside force sensors.
+    Complement,
     /// The ADC's highest code is not positive.
     AdcRange,
-    /// AC coupling or roll-off outside 0 to 1, a roll-off that passes nothing,
-    /// or an AC coupling that follows nothing.
+    /// AC coupling, roll-off or split outside 0 to 1, a roll-off or split that
+    /// passes nothing, or an AC coupling that follows nothing.
     Shaping,
     /// More sections than there is room for.
     Sections,
@@ -210,8 +256,15 @@ impl core::fmt::Display for TableError {
             Self::Version => write!(f, "the table's layout is not version {FORMAT_VERSION}"),
             Self::SampleRate => f.write_str("the sample rate is not positive and finite"),
             Self::Sensor(i) => write!(f, "sensor channel {i}: calibration not finite or zero"),
+            Self::ForceSensor(i) => {
+                write!(
+                    f,
+                    "force sensor channel {i}: calibration not finite or zero"
+                )
+            }
+            Self::Complement => f.write_str("only accelerometers have force sensors beside them"),
             Self::AdcRange => f.write_str("the ADC's highest code is not positive"),
-            Self::Shaping => f.write_str("AC coupling or roll-off lies outside its range"),
+            Self::Shaping => f.write_str("AC coupling, roll-off or split lies outside its range"),
             Self::Sections => write!(f, "a channel has room for {SECTIONS} sections"),
             Self::Section(i) => write!(f, "channel {i} has a section that is not stable"),
             Self::Gain(i) => write!(f, "gain row {i} is not finite"),
@@ -248,6 +301,15 @@ const fn fraction(x: f32) -> bool {
 }
 
 impl Table {
+    /// The force sensors beside accelerometers, if there are any.
+    #[inline]
+    pub const fn complement(&self) -> Option<&Complement> {
+        match &self.law.paths {
+            Paths::Direct(_) => None,
+            Paths::Modal(modal) => modal.complement.as_ref(),
+        }
+    }
+
     /// Checks every number once, so that the step never has to.
     pub const fn validate(self) -> Result<ValidTable, TableError> {
         if self.version != FORMAT_VERSION {
@@ -267,7 +329,12 @@ impl Table {
         }
         let paths = match &self.law.paths {
             Paths::Direct(direct) => direct.validate(),
-            Paths::Modal(modal) => modal.validate(),
+            Paths::Modal(modal) => {
+                if modal.complement.is_some() && matches!(self.feedback, Feedback::Force) {
+                    return Err(TableError::Complement);
+                }
+                modal.validate()
+            }
         };
         if let Err(error) = paths {
             return Err(error);
@@ -275,8 +342,7 @@ impl Table {
         // `while`, because `for` is not const.
         let mut i = 0;
         while i < LEGS {
-            let s = &self.sensors[i];
-            if !(s.zero.is_finite() && s.gain.is_finite() && s.gain != 0.0) {
+            if !self.sensors[i].is_usable() {
                 return Err(TableError::Sensor(i));
             }
             let a = &self.actuators[i];
@@ -332,6 +398,11 @@ impl Modal {
         match (bad_row(&self.input), bad_row(&self.output)) {
             (None, None) => {}
             (Some(row), _) | (None, Some(row)) => return Err(TableError::Gain(row)),
+        }
+        if let Some(complement) = &self.complement
+            && let Err(error) = complement.validate()
+        {
+            return Err(error);
         }
         let mut i = 0;
         while i < LEGS {

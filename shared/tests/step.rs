@@ -4,11 +4,11 @@
 use nalgebra::Matrix6;
 use proptest::prelude::*;
 use shared::LEGS;
-use shared::codes::{Adc, AdcCode, Dac, DacCode, LegForces};
+use shared::codes::{Adc, AdcCode, Dac, DacCode, LegForces, Samples};
 use shared::step::{Clamp, LawState, State, force as law_force, step};
 use shared::table::{
-    Channel, Direct, FORMAT_VERSION, Feedback, Law, Modal, ModelDigest, Paths, SECTIONS, Section,
-    Table, TableError, ValidTable,
+    Channel, Complement, Direct, FORMAT_VERSION, Feedback, Law, Modal, ModelDigest, Paths,
+    SECTIONS, Section, Table, TableError, ValidTable,
 };
 
 fn table() -> Table {
@@ -41,6 +41,7 @@ const DIRECT: Direct = Direct {
 fn modal() -> Modal {
     Modal {
         input: Matrix6::identity(),
+        complement: None,
         channels: [Channel {
             sections: [Section::PASS; SECTIONS],
             proportional: 0.0,
@@ -71,10 +72,15 @@ fn valid(table: Table) -> ValidTable {
 
 /// One step from rest, AC coupling at zero.
 fn first(table: &ValidTable, adc: [i16; LEGS], injection: [f32; LEGS]) -> [f64; LEGS] {
-    let mut state = State::settled_on(table, [AdcCode(0); LEGS]);
-    step(table, &mut state, adc.map(AdcCode), LegForces(injection))
-        .dac
-        .map(force)
+    let mut state = State::settled_on(table, [AdcCode(0); LEGS].into());
+    step(
+        table,
+        &mut state,
+        adc.map(AdcCode).into(),
+        LegForces(injection),
+    )
+    .dac
+    .map(force)
 }
 
 /// Leg 2 alone answers sensor 1 alone, and against it: Eq. (14).
@@ -112,7 +118,14 @@ fn the_integral_is_trapezoidal() {
     let mut state = LawState::REST;
     let y = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0];
     for n in 1..=50 {
-        let (force, clamp) = law_force(&t.law, &[1e6; LEGS], &mut state, &y, &[0.0; LEGS]);
+        let (force, clamp) = law_force(
+            &t.law,
+            &[1e6; LEGS],
+            &mut state,
+            &y,
+            &[0.0; LEGS],
+            &[0.0; LEGS],
+        );
         assert_eq!(clamp, Clamp::Idle);
         // Whole numbers: exact in single precision.
         assert_eq!(force[0], -(2.0 * n as f32 - 1.0));
@@ -131,7 +144,15 @@ fn the_integral_leaks() {
     for n in 0..1002 {
         let y = if n == 0 { 10.0 } else { 0.0 };
         let y = [y, 0.0, 0.0, 0.0, 0.0, 0.0];
-        last = law_force(&t.law, &[1e6; LEGS], &mut state, &y, &[0.0; LEGS]).0;
+        last = law_force(
+            &t.law,
+            &[1e6; LEGS],
+            &mut state,
+            &y,
+            &[0.0; LEGS],
+            &[0.0; LEGS],
+        )
+        .0;
     }
     // Two trapezoid halves of 10, the first a step older.
     let expected = -20.0 * (-1.0f32).exp();
@@ -146,7 +167,7 @@ fn a_constant_offset_gives_no_kick_and_dies_out() {
     });
     t.ac_coupling = 1e-3;
     let t = valid(t);
-    let offset = [AdcCode(500); LEGS];
+    let offset = [AdcCode(500); LEGS].into();
     let mut state = State::settled_on(&t, offset);
     for _ in 0..10_000 {
         let out = step(&t, &mut state, offset, LegForces::ZERO);
@@ -154,11 +175,11 @@ fn a_constant_offset_gives_no_kick_and_dies_out() {
     }
     // Another offset: away after some time constants, though not at once.
     let moved = [AdcCode(700); LEGS];
-    let kick = force(step(&t, &mut state, moved, LegForces::ZERO).dac[0]);
+    let kick = force(step(&t, &mut state, moved.into(), LegForces::ZERO).dac[0]);
     assert!(kick < -100.0, "{kick} N");
     let mut last = kick;
     for _ in 0..30_000 {
-        last = force(step(&t, &mut state, moved, LegForces::ZERO).dac[0]);
+        last = force(step(&t, &mut state, moved.into(), LegForces::ZERO).dac[0]);
     }
     assert!(last.abs() <= CODE, "{last} N");
 }
@@ -174,18 +195,23 @@ fn a_shock_is_no_offset() {
     t.ac_coupling = 1e-3;
     t.ac_limit = 1e-3;
     let t = valid(t);
-    let mut state = State::settled_on(&t, [AdcCode(0); LEGS]);
+    let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
     for _ in 0..100 {
-        step(&t, &mut state, [AdcCode(30_000); LEGS], LegForces::ZERO);
+        step(
+            &t,
+            &mut state,
+            [AdcCode(30_000); LEGS].into(),
+            LegForces::ZERO,
+        );
     }
-    let after = force(step(&t, &mut state, [AdcCode(0); LEGS], LegForces::ZERO).dac[0]);
+    let after = force(step(&t, &mut state, [AdcCode(0); LEGS].into(), LegForces::ZERO).dac[0]);
     // Both averages rose by 100·1e-3·1e-3 m/s², at 1000 N/(m/s²).
     assert!((after - 0.2).abs() <= CODE, "{after} N");
     // 100 codes are 1.5e-3 m/s², past the limit.
     for _ in 0..20_000 {
-        step(&t, &mut state, [AdcCode(100); LEGS], LegForces::ZERO);
+        step(&t, &mut state, [AdcCode(100); LEGS].into(), LegForces::ZERO);
     }
-    let settled = force(step(&t, &mut state, [AdcCode(100); LEGS], LegForces::ZERO).dac[0]);
+    let settled = force(step(&t, &mut state, [AdcCode(100); LEGS].into(), LegForces::ZERO).dac[0]);
     assert!(settled.abs() <= CODE, "{settled} N");
 }
 
@@ -213,15 +239,25 @@ fn recovers(table: &Table) {
         let mut t = *table;
         t.law.anti_windup = anti_windup;
         let t = valid(t);
-        let mut state = State::settled_on(&t, [AdcCode(0); LEGS]);
+        let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
         for _ in 0..20_000 {
-            let out = step(&t, &mut state, [AdcCode(3000); LEGS], LegForces::ZERO);
+            let out = step(
+                &t,
+                &mut state,
+                [AdcCode(3000); LEGS].into(),
+                LegForces::ZERO,
+            );
             assert!(state.is_finite());
             assert!(out.dac.iter().all(|code| force(*code) >= -200.0 - CODE));
         }
         (0..)
             .find(|_| {
-                let out = step(&t, &mut state, [AdcCode(-3000); LEGS], LegForces::ZERO);
+                let out = step(
+                    &t,
+                    &mut state,
+                    [AdcCode(-3000); LEGS].into(),
+                    LegForces::ZERO,
+                );
                 !out.status.clamped
             })
             .unwrap()
@@ -239,11 +275,13 @@ fn a_force_that_is_no_number_gives_the_safe_codes() {
         proportional: Matrix6::repeat(f32::MAX),
         ..DIRECT
     }));
-    let mut state = State::settled_on(&t, [AdcCode(0); LEGS]);
+    let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
     let out = step(
         &t,
         &mut state,
-        [32767, -32768, 32767, -32768, 32767, 32767].map(AdcCode),
+        [32767, -32768, 32767, -32768, 32767, 32767]
+            .map(AdcCode)
+            .into(),
         LegForces([f32::NAN; LEGS]),
     );
     assert!(out.status.not_finite);
@@ -254,9 +292,9 @@ fn a_force_that_is_no_number_gives_the_safe_codes() {
 #[test]
 fn sensors_at_a_rail_are_reported() {
     let t = valid(table());
-    let mut state = State::settled_on(&t, [AdcCode(0); LEGS]);
+    let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
     let adc = [32767, 32766, -32768, -32767, 0, 32767].map(AdcCode);
-    let out = step(&t, &mut state, adc, LegForces::ZERO);
+    let out = step(&t, &mut state, adc.into(), LegForces::ZERO);
     assert_eq!(out.status.sensors_at_rail, 0b10_0101);
 }
 
@@ -366,6 +404,117 @@ fn stable_sections_are_those_with_poles_inside() {
     assert!(stable > 500 && count - stable > 500, "{stable} of {count}");
 }
 
+/// What both kinds of sensors show alike passes as it is, whatever the split; of
+/// a force alone only what is fast, of an acceleration alone what is slow.
+#[test]
+fn the_kinds_complement_each_other() {
+    const SPLITS: [f32; LEGS] = [1e-4, 1e-3, 1e-2, 0.1, 0.5, 1.0];
+    let mut law = modal();
+    for channel in &mut law.channels {
+        channel.proportional = 1.0;
+    }
+    law.complement = Some(Complement {
+        sensors: [Adc::new(16, 10.0).unwrap().calibration(0.02); LEGS],
+        input: Matrix6::identity(),
+        split: SPLITS,
+    });
+    let mut t = table();
+    t.law.paths = Paths::Modal(law);
+    let run = |a: f32, f: f32, steps: usize| {
+        let mut state = LawState::REST;
+        let mut last = [0.0; LEGS];
+        for _ in 0..steps {
+            last = law_force(
+                &t.law,
+                &[1e6; LEGS],
+                &mut state,
+                &[a; LEGS],
+                &[f; LEGS],
+                &[0.0; LEGS],
+            )
+            .0;
+        }
+        last
+    };
+    // The sum f + (a − f) rounds once.
+    for out in run(3.0, 3.0, 500) {
+        assert!((out + 3.0).abs() < 1e-6);
+    }
+    let [first, last] = [1, 200_000].map(|steps| run(0.0, 3.0, steps));
+    // An average stands still where its step rounds to nothing.
+    let still = |split: f32| 3.0 * f32::EPSILON / split + 1e-6;
+    for (i, split) in SPLITS.into_iter().enumerate() {
+        assert!((first[i] + 3.0 * (1.0 - split)).abs() < 1e-5, "{i}");
+        assert!(last[i].abs() < still(split), "{i}: {}", last[i]);
+    }
+    let last = run(3.0, 0.0, 200_000);
+    for (out, split) in last.into_iter().zip(SPLITS) {
+        assert!((out + 3.0).abs() < still(split));
+    }
+}
+
+/// A force sensor's offset, large as a leg's share of the weight may be, gives no
+/// kick, and one at a rail is told.
+#[test]
+fn force_sensors_settle_too() {
+    let mut law = modal();
+    for channel in &mut law.channels {
+        channel.proportional = 0.01;
+    }
+    law.complement = Some(Complement {
+        sensors: [Adc::new(16, 10.0).unwrap().calibration(0.02); LEGS],
+        input: Matrix6::identity(),
+        split: [1e-3; LEGS],
+    });
+    let mut t = table();
+    t.law.paths = Paths::Modal(law);
+    let t = valid(t);
+    let adc = Samples {
+        sensors: [AdcCode(0); LEGS],
+        forces: [20_000, -20_000, 32_767, 1, -32_768, 5].map(AdcCode),
+    };
+    let mut state = State::settled_on(&t, adc);
+    let out = step(&t, &mut state, adc, LegForces::ZERO);
+    assert_eq!(out.dac, t.safe_codes());
+    assert_eq!(out.status.forces_at_rail, 0b01_0100);
+    assert!(out.status.at_rail() && out.status.sensors_at_rail == 0);
+}
+
+#[test]
+fn force_sensors_stand_beside_accelerometers_only() {
+    let complement = Complement {
+        sensors: [Adc::new(16, 10.0).unwrap().calibration(0.02); LEGS],
+        input: Matrix6::identity(),
+        split: [0.5; LEGS],
+    };
+    let with = |feedback, complement| {
+        let mut t = table();
+        t.feedback = feedback;
+        t.law.paths = Paths::Modal(Modal {
+            complement: Some(complement),
+            ..modal()
+        });
+        t.validate().err()
+    };
+    assert_eq!(with(Feedback::Acceleration, complement), None);
+    assert_eq!(
+        with(Feedback::Force, complement),
+        Some(TableError::Complement)
+    );
+    let mut dead = complement;
+    dead.sensors[4].gain = 0.0;
+    assert_eq!(
+        with(Feedback::Acceleration, dead),
+        Some(TableError::ForceSensor(4))
+    );
+    let mut shut = complement;
+    shut.split[2] = 0.0;
+    assert_eq!(
+        with(Feedback::Acceleration, shut),
+        Some(TableError::Shaping)
+    );
+}
+
 /// With all channels and sections alike, sensors → modes → legs is one matrix.
 #[test]
 fn alike_channels_are_one_matrix() {
@@ -389,8 +538,24 @@ fn alike_channels_are_one_matrix() {
     for k in 0..200u32 {
         let y = core::array::from_fn(|i| ((k * 7 + 3 * i as u32) % 11) as f32 - 5.0);
         let [a, b] = [&one, &two].map(|t| t.law);
-        let modal = law_force(&a, &[1e9; LEGS], &mut states[0], &y, &[0.0; LEGS]).0;
-        let direct = law_force(&b, &[1e9; LEGS], &mut states[1], &y, &[0.0; LEGS]).0;
+        let modal = law_force(
+            &a,
+            &[1e9; LEGS],
+            &mut states[0],
+            &y,
+            &[0.0; LEGS],
+            &[0.0; LEGS],
+        )
+        .0;
+        let direct = law_force(
+            &b,
+            &[1e9; LEGS],
+            &mut states[1],
+            &y,
+            &[0.0; LEGS],
+            &[0.0; LEGS],
+        )
+        .0;
         // All numbers are small multiples of 1/16: exact.
         assert_eq!(modal, direct);
     }
@@ -435,15 +600,23 @@ fn any_paths() -> impl Strategy<Value = Paths> {
             proportional,
             integral,
         });
+    let complement =
+        (matrix(50.0), prop::array::uniform6(1e-4..1.0f32)).prop_map(|(input, split)| Complement {
+            sensors: [Adc::new(16, 10.0).unwrap().calibration(0.02); LEGS],
+            input,
+            split,
+        });
     let modal = (
         matrix(50.0),
+        prop::option::of(complement),
         prop::array::uniform6(channel),
         0..=SECTIONS,
         matrix(50.0),
     )
-        .prop_map(|(input, channels, sections, output)| {
+        .prop_map(|(input, complement, channels, sections, output)| {
             Paths::Modal(Modal {
                 input,
+                complement,
                 channels,
                 sections,
                 output,
@@ -490,9 +663,9 @@ proptest! {
         t in any_table(),
         samples in prop::collection::vec((prop::array::uniform6(any::<i16>()), prop::array::uniform6(-1e4..1e4f32)), 1..60),
     ) {
-        let mut state = State::settled_on(&t, samples[0].0.map(AdcCode));
+        let mut state = State::settled_on(&t, samples[0].0.map(AdcCode).into());
         for (adc, injection) in samples {
-            let out = step(&t, &mut state, adc.map(AdcCode), LegForces(injection));
+            let out = step(&t, &mut state, adc.map(AdcCode).into(), LegForces(injection));
             for (code, drive) in out.dac.iter().zip(&t.get().actuators) {
                 prop_assert!(force(*code).abs() <= f64::from(drive.limit) + CODE);
             }
@@ -513,10 +686,10 @@ proptest! {
         let law = &t.get().law;
         let limits = t.get().actuators.map(|drive| drive.limit);
         let mut state = LawState::REST;
-        let (free, clamp) = law_force(law, &[f32::MAX; LEGS], &mut state, &y, &injection);
+        let (free, clamp) = law_force(law, &[f32::MAX; LEGS], &mut state, &y, &[0.0; LEGS], &injection);
         prop_assert_eq!(clamp, Clamp::Idle);
         let mut state = LawState::REST;
-        let (held, clamp) = law_force(law, &limits, &mut state, &y, &injection);
+        let (held, clamp) = law_force(law, &limits, &mut state, &y, &[0.0; LEGS], &injection);
         let worst = (0..LEGS).map(|i| free[i].abs() / limits[i]).fold(0.0, f32::max);
         if worst <= 1.0 {
             prop_assert_eq!(clamp, Clamp::Idle);

@@ -5,28 +5,30 @@ use std::path::Path;
 
 use firmware::exchange::{parse_reply, parse_request, reply, request};
 use firmware::loop_task::LoopTask;
-use firmware::tables::metrology_frame;
+use firmware::tables::{self, metrology_frame};
 use host_gen::law::LinearLaw;
 use host_gen::machine::Machine;
 use host_gen::simulation::Rig;
 use host_gen::study::Study;
 use nalgebra::Complex;
 use shared::LEGS;
-use shared::codes::{AdcCode, LegForces};
+use shared::codes::{AdcCode, LegForces, Samples};
 use shared::step::{State, step};
 use shared::table::{Paths, ValidTable};
 
-fn study() -> Study {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/metrology-frame.toml");
+fn study(name: &str) -> Study {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../models/{name}.toml"));
     Study::new(Machine::load(&path).unwrap()).unwrap()
 }
 
-/// The compiled-in table is, bit for bit, the one that the model file gives:
+/// The compiled-in tables are, bit for bit, those that the model files give:
 /// the emitted source reads back to what was emitted.
 #[test]
-fn the_firmwares_table_is_the_models() {
-    let (table, _) = study().table().unwrap();
-    assert_eq!(metrology_frame::TABLE, table);
+fn the_firmwares_tables_are_the_models() {
+    for (name, compiled) in tables::ALL {
+        let (table, _) = study(name).table().unwrap();
+        assert_eq!(*compiled, table, "{name}");
+    }
 }
 
 /// The single-precision step, code to code, against the linear law that
@@ -74,7 +76,7 @@ fn sine(table: &ValidTable, sensor: usize, hz: f64, amplitude: f64) -> [Complex<
     let at = |k: f64| {
         let mut adc = [AdcCode(0); LEGS];
         adc[sensor] = AdcCode((amplitude * (omega * k).sin()).round() as i16);
-        adc
+        Samples::from(adc)
     };
     let mut state = State::settled_on(table, at(0.0));
     // The leak, 0.01 Hz, dies to 1e-3 in 110 s; the AC coupling long before.
@@ -104,7 +106,7 @@ fn sine(table: &ValidTable, sensor: usize, hz: f64, amplitude: f64) -> [Complex<
 /// The loop task over the serial line gives what the step gives.
 #[test]
 fn the_loop_task_runs_the_step() {
-    let study = study();
+    let study = study("metrology-frame");
     let settings = &study.machine.simulation;
     let mut rig = Rig::new(study.plant.clone(), &study.machine.board, settings);
     let table = &metrology_frame::TABLE;

@@ -66,6 +66,9 @@ const SAMPLES: u32 = 200_000;
 
 const MODEL: &str = "models/metrology-frame.toml";
 
+/// Machines with a table in the firmware, each with the image that runs it.
+const CONTROLLED: [(&str, &str); 2] = [(MODEL, "mps2"), ("models/both-sensors.toml", "mps2-both")];
+
 /// What went wrong, ready to print.
 type Outcome<T> = Result<T, String>;
 
@@ -108,27 +111,24 @@ fn test(setup: &Setup) -> Outcome<()> {
     // First, so that a missing tool is known at once.
     let tools = Tools::find(!setup.no_install)?;
     run(cargo().args(["test", "--workspace"]))?;
-    run(&mut host_gen(&["check", MODEL]))?;
+    for (model, _) in CONTROLLED {
+        run(&mut host_gen(&["check", model]))?;
+    }
     pil(&tools, SAMPLES)
 }
 
 fn pil(tools: &Tools, samples: u32) -> Outcome<()> {
-    let mut command = cargo();
-    command.args([
-        "run",
-        "--release",
-        "--package",
-        "tests",
-        "--bin",
-        "pil",
-        "--",
-    ]);
-    command.args(["--model", MODEL, "--samples", &samples.to_string()]);
-    for board in &BOARDS {
-        let image = boards::build(board, tools)?.join("mps2");
-        command.arg("--board").arg(board.machine).arg(image);
+    for (model, image) in CONTROLLED {
+        let mut command = cargo();
+        command.args(["run", "--release", "--package", "tests", "--bin", "pil"]);
+        command.args(["--", "--model", model, "--samples", &samples.to_string()]);
+        for board in &BOARDS {
+            let image = boards::build(board, tools)?.join(image);
+            command.arg("--board").arg(board.machine).arg(image);
+        }
+        run(&mut command)?;
     }
-    run(&mut command)
+    Ok(())
 }
 
 /// Where the instruction counts are kept.

@@ -15,10 +15,10 @@ use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hprintln;
-use firmware::tables::metrology_frame;
+use firmware::tables::{both_sensors, metrology_frame};
 use nalgebra::Matrix6;
 use shared::LEGS;
-use shared::codes::{AdcCode, LegForces};
+use shared::codes::{AdcCode, LegForces, Samples};
 use shared::step::{Clamp, LawState, Output, State, Status, force, step};
 use shared::table::{Direct, Law, Paths, ValidTable};
 
@@ -35,21 +35,22 @@ const CALLS: u32 = 1000;
 // ones are.
 
 #[inline(never)]
-fn empty_law(_: &Law, _: &Six, _: &mut LawState, _: &Six, _: &Six) -> (Six, Clamp) {
+fn empty_law(_: &Law, _: &Six, _: &mut LawState, _: &[Six; 2]) -> (Six, Clamp) {
     (black_box([0.0; LEGS]), Clamp::Idle)
 }
 
 #[inline(never)]
-fn whole_law(law: &Law, limits: &Six, state: &mut LawState, w: &Six, inject: &Six) -> (Six, Clamp) {
-    force(law, limits, state, w, inject)
+fn whole_law(law: &Law, limits: &Six, state: &mut LawState, [w, f]: &[Six; 2]) -> (Six, Clamp) {
+    force(law, limits, state, w, f, &LegForces::ZERO.0)
 }
 
 #[inline(never)]
-fn empty_step(table: &ValidTable, _: &mut State, _: [AdcCode; LEGS]) -> Output {
+fn empty_step(table: &ValidTable, _: &mut State, _: Samples) -> Output {
     Output {
         dac: table.safe_codes(),
         status: Status {
             sensors_at_rail: 0,
+            forces_at_rail: 0,
             clamped: false,
             not_finite: false,
         },
@@ -57,7 +58,7 @@ fn empty_step(table: &ValidTable, _: &mut State, _: [AdcCode; LEGS]) -> Output {
 }
 
 #[inline(never)]
-fn whole_step(table: &ValidTable, state: &mut State, adc: [AdcCode; LEGS]) -> Output {
+fn whole_step(table: &ValidTable, state: &mut State, adc: Samples) -> Output {
     step(table, state, adc, LegForces::ZERO)
 }
 
@@ -83,6 +84,7 @@ fn main() -> ! {
     peripherals.SYST.enable_counter();
 
     measure("modal", &metrology_frame::TABLE);
+    measure("both", &both_sensors::TABLE);
     // The same machine's table with matrices of any numbers.
     let mut direct = *metrology_frame::TABLE.get();
     direct.law.paths = Paths::Direct(Direct {
@@ -102,20 +104,23 @@ fn measure(name: &str, table: &ValidTable) {
     let law = &table.get().law;
     let limits = table.get().actuators.map(|drive| drive.limit);
     // Small enough to stay clear of the clamp.
-    let w = [1e-7; LEGS];
+    let w = [[1e-7; LEGS]; 2];
     let mut state = LawState::REST;
-    let mut measure = |call: fn(&Law, &Six, &mut LawState, &Six, &Six) -> (Six, Clamp)| {
+    let mut measure = |call: fn(&Law, &Six, &mut LawState, &[Six; 2]) -> (Six, Clamp)| {
         instructions(|| {
             let (law, limits, w) = black_box((law, &limits, &w));
-            black_box(call(law, limits, &mut state, w, &LegForces::ZERO.0));
+            black_box(call(law, limits, &mut state, w));
         })
     };
     let [empty, whole] = [empty_law, whole_law].map(&mut measure);
     hprintln!("{} law {}", name, whole - empty);
 
-    let mut state = State::settled_on(table, [AdcCode(0); LEGS]);
-    let adc = [AdcCode(1); LEGS];
-    let mut measure = |call: fn(&ValidTable, &mut State, [AdcCode; LEGS]) -> Output| {
+    let mut state = State::settled_on(table, [AdcCode(0); LEGS].into());
+    let adc = Samples {
+        sensors: [AdcCode(1); LEGS],
+        forces: [AdcCode(1); LEGS],
+    };
+    let mut measure = |call: fn(&ValidTable, &mut State, Samples) -> Output| {
         instructions(|| {
             black_box(call(black_box(table), &mut state, black_box(adc)));
         })

@@ -12,7 +12,7 @@ use shared::table::{
 /// The table, checked by the compiler.
 #[rustfmt::skip]
 pub static TABLE: ValidTable = match (Table {
-    version: 3,
+    version: 4,
     model: ModelDigest([
         0x0f, 0x33, 0x60, 0x80, 0x87, 0x3b, 0x70, 0x53,
         0x3c, 0x6b, 0x9a, 0x45, 0xf4, 0xa7, 0x3f, 0xe7,
@@ -46,6 +46,7 @@ pub static TABLE: ValidTable = match (Table {
                 3.3457358, -2.2807145, -1.6717879, 13.854909, -11.574195, 2.191535;
                 0.0, 0.0, 14.313164, 0.0, 0.0, -14.313164;
             ],
+            complement: None,
             channels: [
                 Channel {
                     sections: [

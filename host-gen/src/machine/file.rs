@@ -217,8 +217,8 @@ pub struct Damping {
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Control {
-    /// `"acceleration"` or `"force"`.
-    pub feedback: FeedbackName,
+    /// `"acceleration"`, `"force"` or `"both"`.
+    pub feedback: Feedback,
     /// The corner the suspension is to get, ω_n/2π, Hz.
     pub frequency: f64,
     /// Its relative damping ζ_n.
@@ -263,11 +263,13 @@ fn two() -> f64 {
 /// What the loop feeds back.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
-pub enum FeedbackName {
-    /// Frame accelerations.
+pub enum Feedback {
+    /// Frame accelerations (Eq. 12).
     Acceleration,
-    /// Leg forces.
+    /// Leg forces (Eq. 11).
     Force,
+    /// Accelerations at low and forces at high frequency.
+    Both,
 }
 
 /// `[board]`

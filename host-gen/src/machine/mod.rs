@@ -17,11 +17,11 @@ use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use sha2::{Digest, Sha256};
 use shared::LEGS;
 use shared::codes::{Adc, Dac};
-use shared::table::{Feedback, ModelDigest};
+use shared::table::ModelDigest;
 
 pub(crate) use error::Fault;
 pub use error::MachineError;
-pub use file::{Certainty, LawName, Minimise, Provenance, Simulation};
+pub use file::{Certainty, Feedback, LawName, Minimise, Provenance, Simulation};
 use source::Source;
 
 /// A machine as checked. SI units.
@@ -210,6 +210,8 @@ pub struct Board {
     pub dac_noise: f64,
     /// The sensors that are fed back.
     pub sensor: Sensor,
+    /// The force sensors, where they are fed back beside accelerometers.
+    pub beside: Option<Sensor>,
     /// Accelerometers, if it has them.
     pub accelerometer: Option<Sensor>,
     /// Force sensors, if it has them.
@@ -298,13 +300,17 @@ impl Machine {
     /// The same machine with the other sensors fed back; None if it or its
     /// board does not have them.
     pub fn with_feedback(&self, feedback: Feedback) -> Option<Self> {
-        let sensor = match feedback {
-            Feedback::Acceleration => self.accelerometers.as_ref().and(self.board.accelerometer),
-            Feedback::Force => self.force_sensors.and(self.board.force_sensor),
-        }?;
+        let accelerometer = self.accelerometers.as_ref().and(self.board.accelerometer);
+        let force_sensor = self.force_sensors.and(self.board.force_sensor);
+        let (sensor, beside) = match feedback {
+            Feedback::Acceleration => (accelerometer?, None),
+            Feedback::Force => (force_sensor?, None),
+            Feedback::Both => (accelerometer?, Some(force_sensor?)),
+        };
         let mut machine = self.clone();
         machine.target.feedback = feedback;
         machine.board.sensor = sensor;
+        machine.board.beside = beside;
         Some(machine)
     }
 
@@ -349,6 +355,20 @@ impl Machine {
             self.beams[deformation.beam].name,
             deformation.component + 1
         )
+    }
+
+    /// What the sensors that `feedback` takes are called, in channel order.
+    pub fn sensor_names(&self, feedback: Feedback) -> Vec<String> {
+        let accelerometers = || self.accelerometers.iter().flatten();
+        let legs = || self.force_sensors.iter().flatten();
+        let mut names = Vec::new();
+        if feedback != Feedback::Force {
+            names.extend(accelerometers().map(|sensor| sensor.name.clone()));
+        }
+        if feedback != Feedback::Acceleration {
+            names.extend(legs().map(|&leg| self.beams[leg].name.clone()));
+        }
+        names
     }
 
     /// What the performance outputs are called.

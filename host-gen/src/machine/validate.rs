@@ -4,10 +4,11 @@ use indexmap::IndexMap;
 use nalgebra::{Matrix3, RowVector3, Vector3};
 use shared::LEGS;
 use shared::codes::{Adc, Dac};
-use shared::table::{Feedback, ModelDigest};
+use shared::table::ModelDigest;
 
 use super::error::Fault;
 use super::file;
+use super::file::{Feedback, LawName};
 use super::source::{Source, has};
 use super::{
     Beam, Board, Body, Carrier, Damping, Deformation, Direction, Machine, Node, Performance,
@@ -125,13 +126,13 @@ pub(super) fn machine(
 
     let target = target(&file.control)?;
     match (target.feedback, &accelerometers, &force_sensors) {
-        (Feedback::Acceleration, None, _) => {
+        (Feedback::Acceleration | Feedback::Both, None, _) => {
             return Err(Fault::new(
                 "sensors",
                 "acceleration is fed back, and there are no accelerometers; add six under sensors.acceleration",
             ));
         }
-        (Feedback::Force, _, None) => {
+        (Feedback::Force | Feedback::Both, _, None) => {
             return Err(Fault::new(
                 "sensors",
                 "force is fed back, and there are no force sensors; add one per leg under sensors.force",
@@ -524,11 +525,14 @@ fn target(control: &file::Control) -> Checked<Target> {
             format!("{max_sensitivity} must be above 1: no loop has less"),
         ));
     }
+    if control.feedback == Feedback::Both && control.law == LawName::Direct {
+        return Err(Fault::new(
+            "control.law",
+            "both kinds of sensors meet in the modes: with feedback = \"both\" the law is \"modal\"",
+        ));
+    }
     Ok(Target {
-        feedback: match control.feedback {
-            file::FeedbackName::Acceleration => Feedback::Acceleration,
-            file::FeedbackName::Force => Feedback::Force,
-        },
+        feedback: control.feedback,
         frequency: positive("control.frequency", control.frequency)?,
         damping: not_negative("control.damping", control.damping)?,
         max_sensitivity,
@@ -540,16 +544,22 @@ fn target(control: &file::Control) -> Checked<Target> {
 fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
     let accelerometer = board_sensor("board.accelerometer", spec.accelerometer.as_ref())?;
     let force_sensor = board_sensor("board.force_sensor", spec.force_sensor.as_ref())?;
-    let (sensor, name) = match feedback {
-        Feedback::Acceleration => (accelerometer, "accelerometer"),
-        Feedback::Force => (force_sensor, "force_sensor"),
+    let there = |sensor: Option<Sensor>, name| {
+        sensor.ok_or_else(|| {
+            Fault::new(
+                "board",
+                format!("[board.{name}] is missing; that sensor is fed back"),
+            )
+        })
     };
-    let sensor = sensor.ok_or_else(|| {
-        Fault::new(
-            "board",
-            format!("[board.{name}] is missing; that sensor is fed back"),
-        )
-    })?;
+    let (sensor, beside) = match feedback {
+        Feedback::Acceleration => (there(accelerometer, "accelerometer")?, None),
+        Feedback::Force => (there(force_sensor, "force_sensor")?, None),
+        Feedback::Both => (
+            there(accelerometer, "accelerometer")?,
+            Some(there(force_sensor, "force_sensor")?),
+        ),
+    };
     let adc = Adc::new(spec.adc.bits, spec.adc.range)
         .map_err(|error| Fault::new("board.adc", error.to_string()))?;
     let dac = Dac::new(spec.dac.bits, spec.dac.range[0], spec.dac.range[1])
@@ -572,6 +582,7 @@ fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
         dac,
         dac_noise: not_negative("board.dac.noise", spec.dac.noise)?,
         sensor,
+        beside,
         accelerometer,
         force_sensor,
         actuator_gain: gain,

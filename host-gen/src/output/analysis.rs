@@ -7,7 +7,7 @@ use nalgebra::Complex;
 use rayon::prelude::*;
 use serde::Serialize;
 use shared::LEGS;
-use shared::table::{Feedback, ValidTable};
+use shared::table::ValidTable;
 
 use super::{Pole, Rows, digest, feedback_name, rows};
 use crate::closed_loop::{SampledLoop, close_ideal, grid, stable};
@@ -16,20 +16,33 @@ use crate::energy::{Kind, energies};
 use crate::export::Generalised;
 use crate::law::LinearLaw;
 use crate::linear::largest_singular_value;
-use crate::machine::{Machine, MachineError};
+use crate::machine::{Feedback, LawName, Machine, MachineError};
 use crate::plant::pole_peaks;
 use crate::robustness::{Robust, Spread};
 use crate::shaping::{Band, Shaped, ShapingError};
 use crate::study::{Study, StudyError};
 use crate::zeros::{grow, transmission_zeros};
 
-/// The kinds of feedback that a machine has sensors for, each with its study.
+/// The two kinds of feedback, those that a machine has sensors for, each with
+/// its study.
 pub fn both_kinds(machine: &Machine) -> Result<Vec<Study>, MachineError> {
-    [Feedback::Acceleration, Feedback::Force]
-        .into_iter()
-        .filter_map(|feedback| machine.with_feedback(feedback))
-        .map(Study::new)
-        .collect()
+    let kinds = [Feedback::Acceleration, Feedback::Force];
+    let machines = kinds.map(|feedback| machine.with_feedback(feedback));
+    machines.into_iter().flatten().map(Study::new).collect()
+}
+
+/// A machine once with each kind of feedback that it has sensors for, and with
+/// both at once.
+pub fn by_feedback(machine: &Machine) -> Vec<Machine> {
+    let mut machines = Vec::new();
+    for feedback in [Feedback::Acceleration, Feedback::Force, Feedback::Both] {
+        // Both kinds meet in the modes only.
+        if feedback == Feedback::Both && machine.target.law == LawName::Direct {
+            continue;
+        }
+        machines.extend(machine.with_feedback(feedback));
+    }
+    machines
 }
 
 /// `host-gen zeros`.
@@ -254,7 +267,10 @@ impl Sigma {
     /// # Errors
     /// As [`Study::new`], or where an eigenvalue iteration does not end.
     pub fn new(machine: &Machine, frequencies: Frequencies) -> Result<Self, StudyError> {
-        let studies = both_kinds(machine)?;
+        let studies = by_feedback(machine)
+            .into_iter()
+            .map(Study::new)
+            .collect::<Result<Vec<_>, _>>()?;
         let mut missing = Vec::new();
         let mut peaks = Vec::new();
         let mut loops = Vec::new();
@@ -265,8 +281,10 @@ impl Sigma {
                 ideal_poles(&plant.state_space, &study.gains).ok_or(ShapingError::Eigenvalues)?;
             peaks.extend(pole_peaks(&ideal));
             let name = feedback_name(study.design.feedback);
-            let ideal_holds = stable(&ideal);
-            if !ideal_holds {
+            // That of both kinds is the accelerations'.
+            let own = study.design.feedback != Feedback::Both;
+            let ideal_holds = own && stable(&ideal);
+            if own && !ideal_holds {
                 missing.push(format!("{name}, ideal: that loop is unstable"));
             }
             let sampled = match study.table() {
@@ -485,15 +503,7 @@ impl PlantMatrices {
             .map(|study| {
                 let g = Generalised::new(&study.plant.plant);
                 let mut outputs = machine.performance_names();
-                match study.design.feedback {
-                    Feedback::Acceleration => {
-                        let sensors = machine.accelerometers.iter().flatten();
-                        outputs.extend(sensors.map(|sensor| sensor.name.clone()));
-                    }
-                    Feedback::Force => {
-                        outputs.extend(machine.force_sensors.iter().flatten().map(beam));
-                    }
-                }
+                outputs.extend(machine.sensor_names(study.design.feedback));
                 PlantOfKind {
                     feedback: feedback_name(study.design.feedback),
                     outputs,
@@ -551,6 +561,7 @@ pub struct Compared {
 struct Column {
     machine: String,
     model_sha256: String,
+    feedback: &'static str,
     suspension_hz: Vec<f64>,
     internal_hz: Vec<f64>,
     rigid_modes_hz: [f64; LEGS],
@@ -598,6 +609,7 @@ impl Column {
         Ok(Self {
             machine: study.machine.name.clone(),
             model_sha256: digest(&study.machine),
+            feedback: feedback_name(study.design.feedback),
             suspension_hz: of(Kind::Suspension),
             internal_hz: of(Kind::Internal),
             rigid_modes_hz: study.design.hertz(),
@@ -619,6 +631,7 @@ impl Display for Compared {
             writeln!(f)
         };
         line(f, "", &|c| c.machine.clone())?;
+        line(f, "feedback", &|c| c.feedback.to_owned())?;
         let list = |f: &mut Formatter<'_>, title: &str, of: &dyn Fn(&Column) -> &[f64]| {
             let longest = self.machines.iter().map(|c| of(c).len()).max();
             for i in 0..longest.unwrap_or(0) {

@@ -294,8 +294,20 @@ impl Display for Designed {
             100.0 * bode.amplification_hz / bode.limit_hz
         )?;
         write!(f, "Single precision over sensor noise, dB:")?;
-        for Rounding { hz, over_noise_db } in &self.rounding {
+        for Rounding {
+            hz, over_noise_db, ..
+        } in &self.rounding
+        {
             write!(f, " {over_noise_db:.0} at {hz:.0} Hz")?;
+        }
+        write!(f, "\nThe DAC's codes over sensor noise, dB:   ")?;
+        for Rounding {
+            hz,
+            codes_over_noise_db,
+            ..
+        } in &self.rounding
+        {
+            write!(f, " {codes_over_noise_db:.0} at {hz:.0} Hz")?;
         }
         writeln!(f)?;
         if !self.chart.is_empty() {

@@ -4,11 +4,10 @@ use std::fmt::{self, Display, Formatter};
 
 use nalgebra::{Complex, Dim, Matrix, RawStorage};
 use serde::Serialize;
-use shared::table::Feedback;
 
 use crate::design::ideal_poles;
 use crate::energy::{Energies, Kind, energies};
-use crate::machine::{Certainty, Machine};
+use crate::machine::{Certainty, Feedback, Machine};
 use crate::multibody::reach;
 use crate::plant::{Plant, StateSpace};
 use crate::shape::Shape;
@@ -287,15 +286,11 @@ impl Gains {
             feedback: feedback_name(design.feedback),
             frequency_hz: machine.target.frequency,
             damping: machine.target.damping,
-            sensors: match design.feedback {
-                Feedback::Acceleration => machine
-                    .accelerometers
-                    .iter()
-                    .flatten()
-                    .map(|sensor| sensor.name.clone())
-                    .collect(),
-                Feedback::Force => machine.force_sensors.iter().flatten().map(beam).collect(),
-            },
+            // The gains of both kinds are the accelerations'.
+            sensors: machine.sensor_names(match design.feedback {
+                Feedback::Both => Feedback::Acceleration,
+                one => one,
+            }),
             actuators: machine.actuators.iter().map(beam).collect(),
             rigid_modes_hz: design.hertz(),
             mass: rows(&design.rigid.mass),
@@ -401,9 +396,11 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
             writeln!(f, "  all channels: low-pass {corner_hz} Hz")?;
         }
         Shaping::Modes { shapes } => {
+            let split = shapes.iter().any(|shape| shape.split_hz.is_some());
             writeln!(
                 f,
-                "  mode        lags, Hz    zero, Hz    zeros, Hz  damping     poles, Hz  damping"
+                "  mode        lags, Hz    zero, Hz    zeros, Hz  damping     poles, Hz  damping{}",
+                if split { "   split, Hz" } else { "" }
             )?;
             for (i, shape) in shapes.iter().enumerate() {
                 let Shape {
@@ -411,8 +408,9 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
                     zero_hz,
                     notch,
                     notch_poles,
+                    split_hz,
                 } = shape;
-                writeln!(
+                write!(
                     f,
                     "  {:>4} {:>8.3} {:>8.1} {:>11.1} {:>12.1} {:>8.3} {:>13.1} {:>8.3}",
                     i + 1,
@@ -424,6 +422,10 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
                     notch_poles.hz,
                     notch_poles.damping
                 )?;
+                if let Some(hz) = split_hz {
+                    write!(f, " {hz:>11.1}")?;
+                }
+                writeln!(f)?;
             }
         }
     }
@@ -602,8 +604,11 @@ fn warnings(study: &Study) -> Vec<String> {
     if study.model.modes().squares[0] < 0.0 {
         warnings.push("the machine falls under its own weight".to_owned());
     }
-    let zeros = transmission_zeros(&study.plant.plant.state_space, study.design.feedback);
-    if zeros.is_some_and(|zeros| grow(&zeros)) {
+    let feedback = study.design.feedback;
+    if feedback != Feedback::Both
+        && transmission_zeros(&study.plant.plant.state_space, feedback)
+            .is_some_and(|zeros| grow(&zeros))
+    {
         warnings.push(
             "what is left with the sensors held is unstable under gravity: see host-gen zeros"
                 .to_owned(),
@@ -612,11 +617,12 @@ fn warnings(study: &Study) -> Vec<String> {
     warnings
 }
 
-/// `"acceleration"` or `"force"`.
+/// `"acceleration"`, `"force"` or `"both"`.
 pub fn feedback_name(feedback: Feedback) -> &'static str {
     match feedback {
         Feedback::Acceleration => "acceleration",
         Feedback::Force => "force",
+        Feedback::Both => "both",
     }
 }
 

@@ -11,12 +11,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use firmware::exchange::{FRAME, parse_reply, request};
+use firmware::exchange::{REPLY, REQUEST, parse_reply, request};
 use firmware::loop_task::LoopTask;
-use firmware::tables::metrology_frame;
+use firmware::tables;
 use host_gen::machine::Machine;
 use host_gen::simulation::Rig;
 use host_gen::study::Study;
+use shared::table::ValidTable;
 
 /// Runs the firmware on emulated boards against the simulated plant.
 #[derive(Parser)]
@@ -27,7 +28,7 @@ struct Cli {
     /// Samples per board.
     #[arg(long)]
     samples: u32,
-    /// The emulator's name of a board, and the image it runs.
+    /// The emulator's name of a board, and the image with the machine's table.
     #[arg(long, num_args = 2, value_names = ["MACHINE", "IMAGE"], required = true)]
     board: Vec<String>,
 }
@@ -55,6 +56,10 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> Outcome<bool> {
     let study = Study::new(Machine::load(&cli.model)?)?;
+    let name = &study.machine.name;
+    let Some((_, table)) = tables::ALL.iter().find(|(of, _)| of == name) else {
+        return Err(format!("the firmware has no table of {name}").into());
+    };
     let boards: Vec<_> = cli.board.chunks_exact(2).collect();
     // Side by side: most of the time goes into waiting for single bytes.
     let results = thread::scope(|scope| {
@@ -62,8 +67,10 @@ fn run(cli: &Cli) -> Outcome<bool> {
             .iter()
             .map(|board| {
                 let study = &study;
-                scope
-                    .spawn(move || in_the_loop(study, cli.samples, &board[0], Path::new(&board[1])))
+                scope.spawn(move || {
+                    let image = Path::new(&board[1]);
+                    in_the_loop(study, table, cli.samples, &board[0], image)
+                })
             })
             .collect();
         threads
@@ -75,7 +82,8 @@ fn run(cli: &Cli) -> Outcome<bool> {
     for (board, result) in boards.iter().zip(results) {
         let count = result.map_err(|error| format!("{}: {error}", board[0]))?;
         println!(
-            "{}: {} of {} samples equal to the host's, {} different; clamp active in {}, a sensor at a rail in {}; {:.0} s",
+            "{} on {}: {} of {} samples equal to the host's, {} different; clamp active in {}, a sensor at a rail in {}; {:.0} s",
+            name,
             board[0],
             count.equal,
             cli.samples,
@@ -106,11 +114,17 @@ struct Count {
     seconds: f64,
 }
 
-fn in_the_loop(study: &Study, samples: u32, machine: &str, image: &Path) -> Outcome<Count> {
+fn in_the_loop(
+    study: &Study,
+    table: &'static ValidTable,
+    samples: u32,
+    machine: &str,
+    image: &Path,
+) -> Outcome<Count> {
     let mut board = Emulated::start(machine, image)?;
     let settings = &study.machine.simulation;
     let mut rig = Rig::new(study.plant.clone(), &study.machine.board, settings);
-    let mut host = LoopTask::new(&metrology_frame::TABLE);
+    let mut host = LoopTask::new(table);
     let mut count = Count::default();
     let start = Instant::now();
     for k in 0..samples {
@@ -132,7 +146,7 @@ fn in_the_loop(study: &Study, samples: u32, machine: &str, image: &Path) -> Outc
             }
         }
         count.clamped += u32::from(output.status.clamped);
-        count.railed += u32::from(output.status.sensors_at_rail != 0);
+        count.railed += u32::from(output.status.at_rail());
         rig.advance(output.dac);
     }
     count.seconds = start.elapsed().as_secs_f64();
@@ -181,9 +195,9 @@ impl Emulated {
         Ok(Self { process, line })
     }
 
-    fn exchange(&mut self, request: &[u8; FRAME]) -> Outcome<[u8; FRAME]> {
+    fn exchange(&mut self, request: &[u8; REQUEST]) -> Outcome<[u8; REPLY]> {
         self.line.write_all(request)?;
-        let mut reply = [0; FRAME];
+        let mut reply = [0; REPLY];
         self.line
             .read_exact(&mut reply)
             .map_err(|error| format!("the board does not answer: {error}"))?;

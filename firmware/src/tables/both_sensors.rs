@@ -1,0 +1,149 @@
+//! Controller table of the machine "both-sensors".
+//!
+//! Made by `host-gen generate`; do not edit. `host-gen check` compares it with
+//! the machine file.
+
+use nalgebra::matrix;
+use shared::codes::{AdcCode, Calibration, DacCode, Drive};
+use shared::table::{
+    Channel, Complement, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,
+};
+
+/// The table, checked by the compiler.
+#[rustfmt::skip]
+pub static TABLE: ValidTable = match (Table {
+    version: 4,
+    model: ModelDigest([
+        0x18, 0xea, 0x19, 0x5a, 0x68, 0x20, 0x57, 0x2d,
+        0x96, 0xab, 0x7f, 0x2a, 0x73, 0xaa, 0x40, 0x5e,
+        0x3b, 0xb7, 0xc6, 0x8a, 0xd3, 0x3e, 0x40, 0x5c,
+        0x31, 0x72, 0x1a, 0x19, 0x40, 0x66, 0xb2, 0x61,
+    ]),
+    // Hz.
+    sample_rate: 20000.0,
+    feedback: Feedback::Acceleration,
+    // m/s² per code.
+    sensors: [
+        Calibration { zero: 0.0, gain: 1.5258789e-5 },
+        Calibration { zero: 0.0, gain: 1.5258789e-5 },
+        Calibration { zero: 0.0, gain: 1.5258789e-5 },
+        Calibration { zero: 0.0, gain: 1.5258789e-5 },
+        Calibration { zero: 0.0, gain: 1.5258789e-5 },
+        Calibration { zero: 0.0, gain: 1.5258789e-5 },
+    ],
+    adc_max: AdcCode(32767),
+    ac_coupling: 1.570784e-5,
+    // m/s².
+    ac_limit: 0.0047030956,
+    law: Law {
+        paths: Paths::Modal(Modal {
+            // T_in, m/s² to √kg·m/s²
+            input: matrix![
+                39.32483, 0.6187369, -19.716982, -3.8363786, 3.2176416, 25.691418;
+                5.9744344, -4.0726404, -23.111755, 1.5004783, 2.5721622, -16.213072;
+                0.0, 13.30664, 0.0, 13.30664, 13.30664, 0.0;
+                0.5197472, 14.6814995, -1.9729441, -5.3655934, -9.315907, -1.3727918;
+                3.3457358, -2.2807145, -1.6717879, 13.854909, -11.574195, 2.191535;
+                0.0, 0.0, 14.313164, 0.0, 0.0, -14.313164;
+            ],
+            complement: Some(Complement {
+            // N per code.
+            sensors: [
+                Calibration { zero: 0.0, gain: 0.015258789 },
+                Calibration { zero: 0.0, gain: 0.015258789 },
+                Calibration { zero: 0.0, gain: 0.015258789 },
+                Calibration { zero: 0.0, gain: 0.015258789 },
+                Calibration { zero: 0.0, gain: 0.015258789 },
+                Calibration { zero: 0.0, gain: 0.015258789 },
+            ],
+            // Sᵀ, N to N/√kg
+            input: matrix![
+                0.01756659, -0.016773967, -0.008783295, 0.0038687573, -0.008783295, 0.012905209;
+                0.0, -0.005217198, -0.015213113, 0.01713528, 0.015213113, -0.011918082;
+                0.017713131, 0.017713131, 0.017713131, 0.017713131, 0.017713131, 0.017713131;
+                0.03136842, 0.029890101, -0.01568421, -0.0067037144, -0.01568421, -0.023186386;
+                0.0, -0.0095162755, 0.027165847, 0.030643724, -0.027165847, -0.02112745;
+                0.028522575, -0.028522575, 0.028522575, -0.028522575, 0.028522575, -0.028522575;
+            ],
+            split: [0.010145704, 0.010145704, 0.0038969459, 0.0038969459, 0.0038969459, 0.005924966],
+            }),
+            channels: [
+                Channel {
+                    sections: [
+                        Section { rate: 0.02071808, damping: 2.1281974, direct: 0.002537308, band: 0.13778648, low: 0.9974627 },
+                        Section { rate: 0.23240666, damping: 2.2574158, direct: 0.9239053, band: -0.38274503, low: 0.07609469 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 199.89468, integral: 0.04417905,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.02071808, damping: 2.1281974, direct: 0.002537308, band: 0.13778648, low: 0.9974627 },
+                        Section { rate: 0.23240666, damping: 2.2574158, direct: 0.9239053, band: -0.38274503, low: 0.07609469 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 199.89468, integral: 0.04417905,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.01715277, damping: 2.3044598, direct: 0.0016174957, band: 0.107724704, low: 0.9983825 },
+                        Section { rate: 0.23240666, damping: 2.2574158, direct: 0.68444306, band: -0.15327866, low: 0.31555694 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 401.6835, integral: 0.08855473,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.017287645, damping: 2.7700243, direct: 0.001643033, band: 0.10777728, low: 0.99835694 },
+                        Section { rate: 0.19820899, damping: 2.5726, direct: 0.4811305, band: -0.19694945, low: 0.51886946 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 630.9227, integral: 0.13896707,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.017287645, damping: 2.7700243, direct: 0.001643033, band: 0.10777728, low: 0.99835694 },
+                        Section { rate: 0.19820899, damping: 2.5726, direct: 0.4811305, band: -0.19694945, low: 0.51886946 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 630.9227, integral: 0.13896707,
+                },
+                Channel {
+                    sections: [
+                        Section { rate: 0.011073396, damping: 2.7198067, direct: 0.0006864161, band: 0.071194336, low: 0.9993136 },
+                        Section { rate: 0.23240666, damping: 2.2574158, direct: 0.67244, band: -0.21531521, low: 0.32755998 },
+                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                    ],
+                    proportional: 1043.8573, integral: 0.22977613,
+                },
+            ],
+            sections: 2,
+            // T_out, N/√kg to N
+            output: matrix![
+                18.975414, -0.06341628, 9.409215, 10.626399, -0.035513677, 5.8433247;
+                -18.100388, -5.696167, 9.409215, 10.136377, -3.1899037, -5.8433247;
+                -9.542627, -16.401484, 9.409215, -5.282444, 9.220489, 5.8433247;
+                4.117169, 18.52348, 9.409215, -2.305651, 10.373312, -5.8433247;
+                -9.432787, 16.4649, 9.409215, -5.3439555, -9.184975, 5.8433247;
+                13.983219, -12.827312, 9.409215, -7.830726, -7.1834083, -5.8433247;
+            ],
+        }),
+        leak: 3.1415877e-6,
+        anti_windup: 0.00031410993,
+    },
+    // Codes per N, limit in N.
+    actuators: [
+        Drive { zero: 32768.0, gain: 131.072, limit: 200.0 },
+        Drive { zero: 32768.0, gain: 131.072, limit: 200.0 },
+        Drive { zero: 32768.0, gain: 131.072, limit: 200.0 },
+        Drive { zero: 32768.0, gain: 131.072, limit: 200.0 },
+        Drive { zero: 32768.0, gain: 131.072, limit: 200.0 },
+        Drive { zero: 32768.0, gain: 131.072, limit: 200.0 },
+    ],
+    dac_max: DacCode(65535),
+})
+.validate()
+{
+    Ok(table) => table,
+    Err(_) => panic!("this table was edited by hand"),
+};
