@@ -1,22 +1,22 @@
-//! One sample over a serial line: twelve ADC codes in, six DAC codes out.
+//! One sample over a serial line, for emulated boards: twelve ADC codes in, six
+//! DAC codes out.
 //!
 //! A frame is a first byte, 16-bit words with the low byte first, and a CRC-8
 //! (SMBus polynomial) over all bytes before it. A request is [`SAMPLE`], the six
-//! sensors and the six force sensors beside them; a reply the [`Status`] in its
-//! first byte, the six outputs, and a word with the force sensors at a rail.
+//! sensors and the six force sensors beside them; a reply [`SAMPLE`] and the six
+//! outputs.
 
 use crc::{CRC_8_SMBUS, Crc};
 use shared::LEGS;
 use shared::codes::{AdcCode, DacCode, Samples};
-use shared::step::{Output, Status};
 
 /// Bytes in a request.
 pub const REQUEST: usize = 2 + 4 * LEGS;
 
 /// Bytes in a reply.
-pub const REPLY: usize = 2 + 2 * (LEGS + 1);
+pub const REPLY: usize = 2 + 2 * LEGS;
 
-/// First byte of a request.
+/// First byte of a request and of its reply.
 pub const SAMPLE: u8 = 0x5A;
 
 /// First byte of the reply to a frame that was not understood.
@@ -76,22 +76,9 @@ pub fn parse_request(frame: &[u8; REQUEST]) -> Result<Samples, BadFrame> {
     })
 }
 
-/// The reply to a request: bits 0 to 5 are the sensors at a rail, bit 6 the
-/// clamp, bit 7 a force that was not finite (then bits 0 to 6 are zero).
-pub fn reply(output: &Output) -> [u8; REPLY] {
-    let Status {
-        sensors_at_rail,
-        forces_at_rail,
-        clamped,
-        not_finite,
-    } = output.status;
-    let first = if not_finite {
-        0x80
-    } else {
-        sensors_at_rail | u8::from(clamped) << 6
-    };
-    let codes = output.dac.into_iter().map(|code| code.0);
-    pack(first, codes.chain([u16::from(forces_at_rail)]))
+/// The reply to a request: the codes that are latched.
+pub fn reply(dac: [DacCode; LEGS]) -> [u8; REPLY] {
+    pack(SAMPLE, dac.into_iter().map(|code| code.0))
 }
 
 /// The reply to a request that was not understood.
@@ -99,23 +86,12 @@ pub fn refusal() -> [u8; REPLY] {
     pack(REFUSED, core::iter::empty())
 }
 
-/// The output in a reply.
-pub fn parse_reply(frame: &[u8; REPLY]) -> Result<Output, BadFrame> {
-    let (first, words) = unpack::<REPLY, { LEGS + 1 }>(frame)?;
-    let not_finite = first & 0x80 != 0;
-    let forces_at_rail = words[LEGS] as u8;
-    if not_finite && first != 0x80 || u16::from(forces_at_rail) != words[LEGS] {
-        return Err(BadFrame);
+/// The codes in a reply.
+pub fn parse_reply(frame: &[u8; REPLY]) -> Result<[DacCode; LEGS], BadFrame> {
+    match unpack::<REPLY, LEGS>(frame)? {
+        (SAMPLE, words) => Ok(words.map(DacCode)),
+        _ => Err(BadFrame),
     }
-    Ok(Output {
-        dac: core::array::from_fn(|i| DacCode(words[i])),
-        status: Status {
-            sensors_at_rail: first & 0x3F,
-            forces_at_rail,
-            clamped: first & 0x40 != 0,
-            not_finite,
-        },
-    })
 }
 
 #[cfg(test)]
@@ -129,16 +105,8 @@ mod tests {
             forces: [2, 3, -4, 5, -6, 7].map(AdcCode),
         };
         assert_eq!(parse_request(&request(adc)), Ok(adc));
-        let output = Output {
-            dac: [0, 1, 255, 256, 32768, 65535].map(DacCode),
-            status: Status {
-                sensors_at_rail: 0b10_0001,
-                forces_at_rail: 0b00_0100,
-                clamped: true,
-                not_finite: false,
-            },
-        };
-        assert_eq!(parse_reply(&reply(&output)), Ok(output));
+        let dac = [0, 1, 255, 256, 32768, 65535].map(DacCode);
+        assert_eq!(parse_reply(&reply(dac)), Ok(dac));
     }
 
     /// The layout as documented, byte by byte; the CRC worked out by hand-run

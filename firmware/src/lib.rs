@@ -4,5 +4,6 @@
 #![forbid(unsafe_code)]
 
 pub mod exchange;
+pub mod link_task;
 pub mod loop_task;
 pub mod tables;

@@ -39,6 +39,18 @@ impl LinearLaw {
         }
     }
 
+    /// The same with `gain` times its forces.
+    pub fn with_gain(mut self, gain: f64) -> Self {
+        match &mut self.paths {
+            Paths::Direct(direct) => {
+                direct.proportional *= gain as f32;
+                direct.integral *= gain as f32;
+            }
+            Paths::Modal(modal) => modal.output *= gain as f32,
+        }
+        self
+    }
+
     /// How many sensors it takes: six, or with force sensors beside
     /// accelerometers twelve.
     pub fn sensors(&self) -> usize {

@@ -16,10 +16,14 @@
 //! | [`shaping`] | all of these | the shaping that the sampled loop bears |
 //! | [`margins`] | the loop | disk margins, Bode's integral |
 //! | [`rounding`] | a table | what single precision costs |
+//! | [`supervision`] | machine, plant | when the supervisor acts, what the self-test must find |
 //! | [`robustness`] | machine, table | the same controller on machines drawn about the file's |
 //! | [`table`] | gains and board | the table and its Rust source |
 //! | [`spectrum`] | sampled plant, table, a floor | spectra, their sources, the criterion met |
 //! | [`simulation`] | sampled plant and table | the loop in time, with converters and noise |
+//! | [`sil`] | a study, a table | a board that is software |
+//! | [`link`] | an address | a session with a board |
+//! | [`frf`] | a session with a board | transfer functions measured in place, beside the model's |
 //! | [`study`] | a machine | all of these up to the plant |
 //! | [`output`] | results | text and JSON |
 //!
@@ -32,8 +36,10 @@ pub mod closed_loop;
 pub mod design;
 pub mod energy;
 pub mod export;
+pub mod frf;
 pub mod law;
 pub mod linear;
+pub mod link;
 pub mod machine;
 pub mod margins;
 pub mod multibody;
@@ -43,10 +49,12 @@ pub mod robustness;
 pub mod rounding;
 pub mod shape;
 pub mod shaping;
+pub mod sil;
 pub mod simulation;
 pub mod spectrum;
 pub mod statics;
 pub mod study;
+pub mod supervision;
 pub mod table;
 pub mod tuning;
 pub mod zeros;

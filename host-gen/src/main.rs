@@ -1,6 +1,8 @@
 //! The command line.
 #![forbid(unsafe_code)]
 
+mod command;
+
 use std::fmt::Display;
 use std::fs;
 use std::io::{self, Write as _};
@@ -8,7 +10,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use command::link::LinkArguments;
+use command::sil::SilArguments;
 use host_gen::export::{Generalised, matrix_market};
+use host_gen::frf::FrfError;
+use host_gen::link::LinkError;
 use host_gen::machine::{Machine, MachineError};
 use host_gen::output::analysis::{
     Compared, Frequencies, PlantMatrices, Poles, Zeros, both_kinds, by_feedback,
@@ -90,6 +96,15 @@ enum Command {
     ///
     /// Example: host-gen simulate models/metrology-frame.toml --duration 60
     Simulate(Simulate),
+    /// A board that is software: the machine simulated, the controller as a board
+    /// runs it, its link on TCP.
+    ///
+    /// Example: host-gen sil models/metrology-frame.toml --listen 127.0.0.1:7700
+    Sil(SilArguments),
+    /// Talks to a board: status, self-test, start, stop, inject, record, measure.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 status
+    Link(LinkArguments),
 }
 
 #[derive(Args)]
@@ -241,6 +256,12 @@ enum Failure {
         "{path}:{line}: a line is a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, not negative"
     )]
     Spectrum { path: String, line: usize },
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    #[error(transparent)]
+    Frf(FrfError),
+    #[error("a fault is latched: {0}")]
+    Fault(String),
     #[error("--to must be finite and above --from")]
     Range,
     #[error("--{0} must be positive and finite")]
@@ -293,6 +314,8 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Generate(arguments) => generate(arguments),
         Command::Check(arguments) => check(arguments),
         Command::Simulate(arguments) => simulate(arguments),
+        Command::Sil(arguments) => command::sil::sil(arguments),
+        Command::Link(arguments) => command::link::link(arguments),
     }
 }
 

@@ -9,7 +9,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 use shared::LEGS;
-use shared::step::{LawState, force};
+use shared::step::{Demand, LawState, force};
 use shared::table::{Paths, ValidTable};
 
 use crate::law::LinearLaw;
@@ -104,7 +104,7 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
                 &mut single,
                 &w,
                 &forces,
-                &[0.0; LEGS],
+                &Demand::LAW,
             );
             let expected = &exact.c * &whole + &exact.d * &y;
             whole = &exact.a * whole + &exact.b * y;

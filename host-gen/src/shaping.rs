@@ -10,6 +10,7 @@ use nalgebra::Complex;
 use rayon::prelude::*;
 use serde::Serialize;
 use shared::LEGS;
+use shared::supervisor::GENTLE;
 use shared::table::{TableError, ValidTable};
 
 use crate::closed_loop::{
@@ -64,6 +65,9 @@ pub struct Shaped {
     pub isolation_from_hz: f64,
     /// The slowest pole of the sampled loop, 1/s; negative.
     pub slowest_decay: f64,
+    /// Whether the loop is stable with every gain that it has on its way through a
+    /// soft start, by its poles at 25 of them.
+    pub soft_start: bool,
     /// Peaks of σ_max(G11).
     pub bands: Vec<Band>,
 }
@@ -335,7 +339,7 @@ impl Search<'_> {
             let Some(shapes) = tuning.run(self.effort.trials(), self.progress) else {
                 break;
             };
-            let table = table::modal(self.machine, self.design, &target, &shapes)?;
+            let table = table::modal(self.machine, self.plant, self.design, &target, &shapes)?;
             let closed = self.closed(&table);
             let poles = closed
                 .poles()
@@ -447,7 +451,7 @@ impl Search<'_> {
         loops: &LoopGrid,
         hz: f64,
     ) -> Result<Option<Trial>, Miss> {
-        let table = table::direct(self.machine, target, gains, hz)?;
+        let table = table::direct(self.machine, self.plant, target, gains, hz)?;
         let closed = self.closed(&table);
         // The bound first: it is much the cheaper.
         if !loops.within(&closed.law, target.max_sensitivity) {
@@ -567,8 +571,20 @@ impl Search<'_> {
             isolation_from_ideal_hz: found.ideal.isolation_from_hz,
             isolation_from_hz: found.isolation_from_hz,
             slowest_decay: slowest,
+            soft_start: self.starts_softly(&found.trial.table),
             bands: self.bands(found, &closed),
         }
+    }
+
+    fn starts_softly(&self, table: &ValidTable) -> bool {
+        (0..25).into_par_iter().all(|n| {
+            let gain = f64::from(GENTLE).powf(f64::from(n) / 24.0);
+            let closed = SampledLoop {
+                plant: self.plant,
+                law: LinearLaw::new(table).with_gain(gain),
+            };
+            closed.poles().is_some_and(|poles| stable(&poles))
+        })
     }
 
     fn bands(&self, found: &Found, closed: &SampledLoop<'_>) -> Vec<Band> {

@@ -10,8 +10,8 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 use shared::LEGS;
-use shared::codes::{AdcCode, DacCode, LegForces, Samples};
-use shared::step::{State, step};
+use shared::codes::{AdcCode, DacCode, Samples};
+use shared::step::{Demand, State, step};
 use shared::table::ValidTable;
 
 use crate::machine::{Board, Sensor, Simulation};
@@ -343,7 +343,7 @@ pub fn run(
         let mut dac = safe;
         if closed {
             let state = state.get_or_insert_with(|| State::settled_on(table, adc));
-            let output = step(table, state, adc, LegForces::ZERO);
+            let output = step(table, state, adc, Demand::LAW);
             dac = output.dac;
             if k >= settling {
                 run.clamped_steps += usize::from(output.status.clamped);

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use nalgebra::{Complex, Matrix6};
 use shared::LEGS;
 use shared::codes::Calibration;
+use shared::self_test::SelfTest;
 use shared::table::{
     self, Channel, Complement, Direct, FORMAT_VERSION, Law, Modal, Paths, Table, TableError,
     ValidTable,
@@ -13,7 +14,9 @@ use shared::table::{
 use crate::design::{Design, Gains, ModalTransform};
 use crate::law::LinearLaw;
 use crate::machine::{Feedback, Machine, Target};
+use crate::plant::SampledPlant;
 use crate::shape::Shape;
+use crate::supervision::{self_test, supervision};
 
 /// AC coupling sits this far below ω_n, where it costs the lower crossover
 /// little phase.
@@ -36,6 +39,7 @@ pub fn coefficient(hz: f64, period: f64) -> f64 {
 /// `roll_off` Hz, common to all channels.
 pub fn direct(
     machine: &Machine,
+    plant: &SampledPlant,
     target: &Target,
     gains: &Gains,
     roll_off: f64,
@@ -47,12 +51,13 @@ pub fn direct(
         proportional: single(&gains.proportional),
         integral: single(&(gains.integral * (0.5 * period))),
     });
-    with_paths(machine, target, paths)
+    with_paths(machine, plant, target, paths)
 }
 
 /// The table of a machine with `shapes` for the modes of its design model.
 pub fn modal(
     machine: &Machine,
+    plant: &SampledPlant,
     design: &Design,
     target: &Target,
     shapes: &[Shape; LEGS],
@@ -77,6 +82,7 @@ pub fn modal(
     });
     with_paths(
         machine,
+        plant,
         target,
         Paths::Modal(Modal {
             input: input.map(|x| x as f32),
@@ -108,7 +114,12 @@ pub fn channels(
 }
 
 /// The clamp's excess leaves the integral with time constant 1/ω_n.
-fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidTable, TableError> {
+fn with_paths(
+    machine: &Machine,
+    plant: &SampledPlant,
+    target: &Target,
+    paths: Paths,
+) -> Result<ValidTable, TableError> {
     let board = &machine.board;
     let period = board.period();
     let frequency = target.frequency;
@@ -131,6 +142,8 @@ fn with_paths(machine: &Machine, target: &Target, paths: Paths) -> Result<ValidT
         },
         actuators: [board.dac.drive(board.actuator_gain, board.force_limit); LEGS],
         dac_max: board.dac.max(),
+        supervision: supervision(machine),
+        self_test: self_test(machine, plant),
     }
     .validate()?;
     // Past so many times what takes a leg to its limit at f_n it is a shock.
@@ -166,6 +179,8 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     line("");
     line("use nalgebra::matrix;");
     line("use shared::codes::{AdcCode, Calibration, DacCode, Drive};");
+    line("use shared::self_test::{Phasor, SelfTest};");
+    line("use shared::supervisor::Supervision;");
     line(match &t.law.paths {
         Paths::Direct(_) => {
             "use shared::table::{Direct, Feedback, Law, ModelDigest, Paths, Table, ValidTable};"
@@ -217,13 +232,58 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     }
     line("    ],");
     line(&format!("    dac_max: DacCode({}),", t.dac_max.0));
+    line("    // Samples.");
+    // Its fields print as they are written.
+    line(&format!("    supervision: {:?},", t.supervision));
+    emit_test(&mut line, &t.self_test);
     line("})");
     line(".validate()");
     line("{");
     line("    Ok(table) => table,");
     line("    Err(_) => panic!(\"this table was edited by hand\"),");
     line("};");
+    line("");
+    line("/// [`ValidTable::checksum`] of it when it was made.");
+    line(&format!(
+        "pub const CHECKSUM: u32 = {:#010x};",
+        table.checksum()
+    ));
+    line("");
+    line("const fn p(re: f32, im: f32) -> Phasor {");
+    line("    Phasor { re, im }");
+    line("}");
     out
+}
+
+fn emit_test(line: &mut impl FnMut(&str), test: &SelfTest) {
+    let SelfTest {
+        step,
+        amplitude,
+        settle,
+        measure,
+        tolerance,
+        sensors,
+        forces,
+    } = test;
+    line("    self_test: SelfTest {");
+    line(&format!("        step: {step},"));
+    line(&format!("        amplitude: {amplitude:?},"));
+    line(&format!("        settle: {settle},"));
+    line(&format!("        measure: {measure},"));
+    line(&format!("        tolerance: {tolerance:?},"));
+    line("        // By leg: what each sensor answers a push of 1 N.");
+    for (name, kind) in [("sensors", sensors), ("forces", forces)] {
+        line(&format!("        {name}: ["));
+        for leg in kind {
+            let row: Vec<_> = leg
+                .iter()
+                .map(|p| format!("p({:?}, {:?})", p.re, p.im))
+                .collect();
+            line(&format!("            [{}],", row.join(", ")));
+        }
+        line("        ],");
+    }
+    line("    },");
 }
 
 fn emit_matrix(line: &mut impl FnMut(&str), field: &str, comment: &str, m: &Matrix6<f32>) {

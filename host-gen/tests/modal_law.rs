@@ -18,8 +18,7 @@ use host_gen::study::Study;
 use host_gen::table::{direct, modal};
 use nalgebra::{Complex, DMatrix, Matrix6};
 use shared::LEGS;
-use shared::codes::LegForces;
-use shared::step::{State, step};
+use shared::step::{Demand, State, step};
 use shared::table::ValidTable;
 
 type Loop = (Study, ValidTable, Shaped);
@@ -75,8 +74,15 @@ fn alike_shapes_are_the_direct_law() {
             ),
         ]));
         let target = &study.machine.target;
-        let one = direct(&study.machine, target, &study.gains, 3.0).unwrap();
-        let two = modal(&study.machine, &study.design, target, &[one_lag(3.0); 6]).unwrap();
+        let one = direct(&study.machine, &study.plant, target, &study.gains, 3.0).unwrap();
+        let two = modal(
+            &study.machine,
+            &study.plant,
+            &study.design,
+            target,
+            &[one_lag(3.0); 6],
+        )
+        .unwrap();
         for hz in [0.01, 0.1, 1.0, 3.0, 14.0, 90.0, 1000.0, 9000.0] {
             let z = study.plant.z(hz);
             let [one, two] = [one, two].map(|table| LinearLaw::new(&table).response(z));
@@ -93,7 +99,14 @@ fn alike_shapes_are_the_direct_law() {
 fn the_laws_matrices_are_its_response() {
     let (study, modal, _) = modal_frame();
     let (_, both, _) = both_frame();
-    let direct = direct(&study.machine, &study.machine.target, &study.gains, 2.0).unwrap();
+    let direct = direct(
+        &study.machine,
+        &study.plant,
+        &study.machine.target,
+        &study.gains,
+        2.0,
+    )
+    .unwrap();
     for table in [modal, &direct, both] {
         let law = LinearLaw::new(table);
         let matrices = law.state_space();
@@ -247,7 +260,7 @@ fn ten_minutes_of_drift() {
         rig.drift = core::array::from_fn(|i| 5e-3 * minutes * [1.0, -1.0, 0.5, 1.0, -0.7, 0.3][i]);
         let adc = rig.sample();
         let state = state.get_or_insert_with(|| State::settled_on(table, adc));
-        let out = step(table, state, adc, LegForces::ZERO);
+        let out = step(table, state, adc, Demand::LAW);
         assert!(!out.status.clamped && !out.status.at_rail(), "{k}");
         for (mean, code) in means[k / minute].iter_mut().zip(out.dac) {
             let force = board.dac.force(code, board.actuator_gain);
@@ -282,7 +295,7 @@ fn a_bump_leaves_nothing_behind() {
         for _ in 0..steps {
             let adc = rig.sample();
             let state = state.get_or_insert_with(|| State::settled_on(table, adc));
-            let out = step(table, state, adc, LegForces::ZERO);
+            let out = step(table, state, adc, Demand::LAW);
             for code in out.dac {
                 let force = board.dac.force(code, board.actuator_gain);
                 assert!(force.abs() <= board.force_limit + 0.01);

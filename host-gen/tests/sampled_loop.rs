@@ -174,7 +174,14 @@ fn stability_by_nyquist() {
         (2.6, false),
         (5.0, false),
     ] {
-        let table = direct(&study.machine, &study.machine.target, &study.gains, corner).unwrap();
+        let table = direct(
+            &study.machine,
+            &study.plant,
+            &study.machine.target,
+            &study.gains,
+            corner,
+        )
+        .unwrap();
         let law = LinearLaw::new(&table);
         let closed = SampledLoop {
             plant: &study.plant,
@@ -224,6 +231,7 @@ fn the_corner_is_the_highest_within_the_bound() {
     assert!((chosen - found.value.max(elsewhere)).abs() < 2e-3);
     let higher = direct(
         &study.machine,
+        &study.plant,
         &study.machine.target,
         &study.gains,
         1.03 * corner_of(&shaped),
@@ -239,7 +247,14 @@ fn bound_by_pivots_is_bound_by_singular_values() {
     let grid = LoopGrid::new(&study.plant, &study.design.modal, 0.001, &[]);
     // Not nearer to instability, where the peak is narrower than the grid.
     for corner in [0.2, 0.84, 1.2] {
-        let table = direct(&study.machine, &study.machine.target, &study.gains, corner).unwrap();
+        let table = direct(
+            &study.machine,
+            &study.plant,
+            &study.machine.target,
+            &study.gains,
+            corner,
+        )
+        .unwrap();
         let law = LinearLaw::new(&table);
         let peak = grid.peak(&study.plant, &law).value;
         assert!(grid.within(&law, 1.001 * peak));

@@ -4,20 +4,30 @@
 //! table making); the `f32` side ([`Calibration`], [`Drive`]) is what the step
 //! runs.
 
+use serde::{Deserialize, Serialize};
+
 use crate::LEGS;
 
 /// A raw ADC sample: two's complement, full scale symmetric about 0 V.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AdcCode(pub i16);
 
 /// What the ADCs read at one instant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Samples {
     /// The table's sensors.
     pub sensors: [AdcCode; LEGS],
     /// The force sensors beside them, where a table has a
     /// [`Complement`](crate::table::Complement); else nobody looks.
     pub forces: [AdcCode; LEGS],
+}
+
+impl Samples {
+    /// All codes zero.
+    pub const NONE: Self = Self {
+        sensors: [AdcCode(0); LEGS],
+        forces: [AdcCode(0); LEGS],
+    };
 }
 
 impl From<[AdcCode; LEGS]> for Samples {
@@ -31,11 +41,11 @@ impl From<[AdcCode; LEGS]> for Samples {
 }
 
 /// A raw DAC word: straight binary, 0 is the low end of the range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DacCode(pub u16);
 
 /// One force per leg, N, positive when it pushes the frame away from its foot.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LegForces(pub [f32; LEGS]);
 
 impl LegForces {
@@ -179,7 +189,7 @@ fn check(bits: u32, low: f64, high: f64) -> Result<(), ConverterError> {
 }
 
 /// One sensor channel, code to unit (m/s² or N).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The code at zero.
     pub zero: f32,
@@ -201,7 +211,7 @@ impl Calibration {
 }
 
 /// One actuator channel, N to code.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Drive {
     /// The code of no force.
     pub zero: f32,

@@ -29,8 +29,15 @@
 #![forbid(unsafe_code)]
 
 pub mod codes;
+pub mod controller;
+pub mod injection;
+pub mod link;
+pub mod recorder;
+pub mod self_test;
 pub mod step;
+pub mod supervisor;
 pub mod table;
+mod watch;
 
 /// Legs, and with them sensors and actuators of the controller.
 pub const LEGS: usize = 6;

@@ -24,6 +24,8 @@
 //! u   = injection + T_out·(−x − k_p·r)
 //! ```
 //!
+//! with the gains, and what the law gives, times the factors of [`Demand`],
+//!
 //! and at last
 //!
 //! ```text
@@ -37,10 +39,11 @@
 //! [`Status`].
 
 use nalgebra::Matrix6;
+use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, LegForces, Samples};
-use crate::table::{Complement, Direct, Law, Modal, Paths, SECTIONS, Section, ValidTable};
+use crate::table::{Complement, Direct, Law, Modal, Paths, SECTIONS, Section, Table, ValidTable};
 
 type Six = [f32; LEGS];
 
@@ -93,6 +96,29 @@ impl State {
         Self { averages, law }
     }
 
+    /// Puts the law at rest; AC coupling and [`Complement`] go on.
+    pub fn start(&mut self) {
+        let difference = self.law.difference;
+        self.law = LawState {
+            difference,
+            ..LawState::REST
+        };
+    }
+
+    /// Settles the AC coupling on the mean of so many samples, whose codes sum to
+    /// `sums`, and puts the law at rest.
+    pub fn settle(&mut self, table: &ValidTable, sums: [i64; LEGS], count: u32) {
+        let t = table.get();
+        if t.ac_coupling > 0.0 && count > 0 {
+            let mean = |i: usize| {
+                let Calibration { zero, gain } = t.sensors[i];
+                (sums[i] as f32 / count as f32 - zero) * gain
+            };
+            self.averages = [core::array::from_fn(mean), [0.0; LEGS]];
+        }
+        self.start();
+    }
+
     /// Whether every number in it is finite.
     pub fn is_finite(&self) -> bool {
         let finite = |six: &Six| six.iter().all(|x| x.is_finite());
@@ -105,7 +131,7 @@ impl State {
 }
 
 /// What the step saw.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Status {
     /// Bit i: sensor i's code was at an end of the ADC's range.
     pub sensors_at_rail: u8,
@@ -117,7 +143,37 @@ pub struct Status {
     pub not_finite: bool,
 }
 
+/// What is asked of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Demand {
+    /// Factor of the law's gains, 0 to 1: what its integrals gathered under a small
+    /// one stays small when it grows.
+    pub gain: f32,
+    /// Factor of the law's force, 0 to 1: with 0 there is none whatever its
+    /// integrals hold.
+    pub fade: f32,
+    /// Added to it before the clamp.
+    pub injection: LegForces,
+}
+
+impl Demand {
+    /// The whole law and nothing else.
+    pub const LAW: Self = Self {
+        gain: 1.0,
+        fade: 1.0,
+        injection: LegForces::ZERO,
+    };
+}
+
 impl Status {
+    /// Nothing.
+    pub const NOTHING: Self = Self {
+        sensors_at_rail: 0,
+        forces_at_rail: 0,
+        clamped: false,
+        not_finite: false,
+    };
+
     /// Whether any sensor's code was at an end of the ADC's range.
     pub fn at_rail(&self) -> bool {
         self.sensors_at_rail != 0 || self.forces_at_rail != 0
@@ -148,33 +204,69 @@ fn at_rail(adc: [AdcCode; LEGS], max: AdcCode) -> u8 {
     bits
 }
 
-/// One sample: `adc` as read at this instant, `injection` added to the
-/// controller's force before the clamp; out come the codes to latch.
-pub fn step(table: &ValidTable, state: &mut State, adc: Samples, injection: LegForces) -> Output {
+/// One sample: `adc` as read at this instant; out come the codes to latch.
+pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand) -> Output {
     let t = table.get();
-    let y = calibrate(&t.sensors, adc.sensors);
-    let (forces, forces_at_rail) = match t.complement() {
-        Some(complement) => (
-            calibrate(&complement.sensors, adc.forces),
-            at_rail(adc.forces, t.adc_max),
-        ),
-        None => ([0.0; LEGS], 0),
+    let (w, forces) = sense(t, state, adc);
+    let limits = limits(t);
+    let (force, clamp) = force(&t.law, &limits, &mut state.law, &w, &forces, &demand);
+    output(t, adc, force, clamp)
+}
+
+/// One sample with the loop open: AC coupling and [`Complement`] follow the
+/// sensors, the law stays at rest, the legs get `injection` alone.
+pub fn rest(table: &ValidTable, state: &mut State, adc: Samples, injection: LegForces) -> Output {
+    let t = table.get();
+    let (w, forces) = sense(t, state, adc);
+    if let Paths::Modal(modal) = &t.law.paths {
+        blend(modal, &mut state.law, &w, &forces);
+    }
+    let limits = limits(t);
+    let (force, clamp) = if inside(&injection.0, &limits) {
+        (injection.0, Clamp::Idle)
+    } else {
+        clamp(&injection.0, &limits).map_or(([0.0; LEGS], Clamp::NotFinite), |(held, _)| {
+            (held, Clamp::Active)
+        })
     };
+    output(t, adc, force, clamp)
+}
+
+/// AC-coupled sensor values, and what the force sensors beside them measure, N.
+#[inline]
+fn sense(t: &Table, state: &mut State, adc: Samples) -> (Six, Six) {
+    let y = calibrate(&t.sensors, adc.sensors);
+    let forces = t
+        .complement()
+        .map_or([0.0; LEGS], |beside| calibrate(&beside.sensors, adc.forces));
     let [h1, h2] = &mut state.averages;
-    let w: Six = core::array::from_fn(|i| {
+    let w = core::array::from_fn(|i| {
         let v = y[i] - h1[i];
         h1[i] += t.ac_coupling * bounded(v, t.ac_limit);
         let w = v - h2[i];
         h2[i] += t.ac_coupling * bounded(w, t.ac_limit);
         w
     });
-    let limits = core::array::from_fn(|i| t.actuators[i].limit);
-    let (force, clamp) = force(&t.law, &limits, &mut state.law, &w, &forces, &injection.0);
+    (w, forces)
+}
+
+#[inline]
+fn limits(t: &Table) -> Six {
+    core::array::from_fn(|i| t.actuators[i].limit)
+}
+
+#[inline]
+fn output(t: &Table, adc: Samples, force: Six, clamp: Clamp) -> Output {
+    let beside = t.complement().is_some();
     Output {
         dac: core::array::from_fn(|i| t.actuators[i].code(force[i])),
         status: Status {
             sensors_at_rail: at_rail(adc.sensors, t.adc_max),
-            forces_at_rail,
+            forces_at_rail: if beside {
+                at_rail(adc.forces, t.adc_max)
+            } else {
+                0
+            },
             clamped: clamp == Clamp::Active,
             not_finite: clamp == Clamp::NotFinite,
         },
@@ -193,8 +285,8 @@ pub enum Clamp {
 }
 
 /// The law itself: from AC-coupled sensor values `w` to forces. `forces`, those
-/// measured beside accelerometers, `injection` and `limits` in N; gives the
-/// forces in N, each within its limit.
+/// measured beside accelerometers, and `limits` in N; gives the forces in N, each
+/// within its limit.
 #[inline]
 pub fn force(
     law: &Law,
@@ -202,11 +294,17 @@ pub fn force(
     state: &mut LawState,
     w: &Six,
     forces: &Six,
-    injection: &Six,
+    demand: &Demand,
 ) -> (Six, Clamp) {
+    let Demand {
+        gain,
+        fade,
+        injection,
+    } = demand;
     match &law.paths {
         Paths::Direct(direct) => {
-            let force = direct_force(direct, law.leak, state, w, injection);
+            let asked = direct_force(direct, law.leak, *gain, state, w);
+            let force = core::array::from_fn(|i| injection.0[i] - fade * asked[i]);
             if inside(&force, limits) {
                 return (force, Clamp::Idle);
             }
@@ -219,8 +317,9 @@ pub fn force(
             (held, Clamp::Active)
         }
         Paths::Modal(modal) => {
-            let asked = modal_force(modal, law.leak, state, w, forces);
-            let force = add_product(*injection, &modal.output, &asked);
+            let asked = modal_force(modal, law.leak, *gain, state, w, forces);
+            let given = asked.map(|asked| fade * asked);
+            let force = add_product(injection.0, &modal.output, &given);
             if inside(&force, limits) {
                 return (force, Clamp::Idle);
             }
@@ -235,33 +334,31 @@ pub fn force(
     }
 }
 
-/// Leg forces, N.
+/// The negative of the leg forces, N.
 #[inline]
-fn direct_force(direct: &Direct, leak: f32, state: &mut LawState, w: &Six, injection: &Six) -> Six {
+fn direct_force(direct: &Direct, leak: f32, gain: f32, state: &mut LawState, w: &Six) -> Six {
     let before = state.before;
     let r: Six = core::array::from_fn(|i| before[i] + direct.roll_off * (w[i] - before[i]));
-    let sum = core::array::from_fn(|i| r[i] + before[i]);
+    let sum = core::array::from_fn(|i| gain * (r[i] + before[i]));
     state.before = r;
     let leaked = core::array::from_fn(|i| state.integral[i] - leak * state.integral[i]);
     let integral = add_product(leaked, &direct.integral, &sum);
     state.integral = integral;
-    let rest = core::array::from_fn(|i| injection[i] - integral[i]);
-    subtract_product(rest, &direct.proportional, &r)
+    let r = r.map(|r| gain * r);
+    add_product(integral, &direct.proportional, &r)
 }
 
 /// Forces along the modes, N/√kg.
 #[inline]
-fn modal_force(modal: &Modal, leak: f32, state: &mut LawState, w: &Six, forces: &Six) -> Six {
-    let mut r = add_product([0.0; LEGS], &modal.input, w);
-    if let Some(Complement { input, split, .. }) = &modal.complement {
-        let f = add_product([0.0; LEGS], input, forces);
-        for i in 0..LEGS {
-            let d = state.difference[i];
-            let d = d + split[i] * (r[i] - f[i] - d);
-            state.difference[i] = d;
-            r[i] = f[i] + d;
-        }
-    }
+fn modal_force(
+    modal: &Modal,
+    leak: f32,
+    gain: f32,
+    state: &mut LawState,
+    w: &Six,
+    forces: &Six,
+) -> Six {
+    let mut r = blend(modal, state, w, forces);
     // `zip` and `take` bound the sections without a check that could panic.
     for (j, states) in state.sections.iter_mut().enumerate().take(modal.sections) {
         let [x1, x2] = states;
@@ -272,12 +369,28 @@ fn modal_force(modal: &Modal, leak: f32, state: &mut LawState, w: &Six, forces: 
     let asked = core::array::from_fn(|i| {
         let channel = &modal.channels[i];
         let x = state.integral[i];
-        let x = x - leak * x + channel.integral * (r[i] + state.before[i]);
+        let x = x - leak * x + gain * channel.integral * (r[i] + state.before[i]);
         state.integral[i] = x;
-        -x - channel.proportional * r[i]
+        -x - gain * channel.proportional * r[i]
     });
     state.before = r;
     asked
+}
+
+/// Sensors to modes.
+#[inline]
+fn blend(modal: &Modal, state: &mut LawState, w: &Six, forces: &Six) -> Six {
+    let mut r = add_product([0.0; LEGS], &modal.input, w);
+    if let Some(Complement { input, split, .. }) = &modal.complement {
+        let f = add_product([0.0; LEGS], input, forces);
+        for i in 0..LEGS {
+            let d = state.difference[i];
+            let d = d + split[i] * (r[i] - f[i] - d);
+            state.difference[i] = d;
+            r[i] = f[i] + d;
+        }
+    }
+    r
 }
 
 impl Section {

@@ -6,19 +6,22 @@
 //! the firmware is checked by the compiler.
 
 use nalgebra::Matrix6;
+use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, Drive};
+use crate::self_test::SelfTest;
+use crate::supervisor::Supervision;
 
 /// The table layout this code reads.
-pub const FORMAT_VERSION: u16 = 4;
+pub const FORMAT_VERSION: u16 = 5;
 
 /// SHA-256 of the machine description a table was made from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelDigest(pub [u8; 32]);
 
 /// What a table's six sensors measure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Feedback {
     /// Absolute accelerations of the frame, m/s² (Eq. 12).
     Acceleration,
@@ -31,7 +34,7 @@ pub enum Feedback {
 /// First-order coefficients are in increment form, `state += c·(input − state)`,
 /// which in `f32` keeps poles far below the sample rate that `1 − c` would
 /// lose. A corner at `f` Hz has c = 1 − exp(−2π·f/rate).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Law {
     /// How sensors become forces.
     pub paths: Paths,
@@ -43,7 +46,7 @@ pub struct Law {
 }
 
 /// How sensors become forces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(
     clippy::large_enum_variant,
     reason = "there is one table, and nothing to allocate a box from"
@@ -59,7 +62,7 @@ pub enum Paths {
 ///
 /// Rows are actuators, columns sensors. Units are N per unit of the sensor:
 /// N/(m/s²) for accelerations, 1 for forces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Direct {
     /// Roll-off: a first-order low-pass with this coefficient, 1 to leave it
     /// out.
@@ -75,7 +78,7 @@ pub struct Direct {
 ///
 /// With all sections the same this is the direct law, K = output·diag·input:
 /// S of Eq. (17) makes the gains of Eqs. (19) to (22) diagonal.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Modal {
     /// T_in. Accelerations: S⁻¹·T_c⁻¹, to modal accelerations, √kg·m/s².
     /// Forces: Sᵀ, to modal forces, N/√kg.
@@ -101,7 +104,7 @@ pub struct Modal {
 /// d += split·(a − f − d)
 /// r  = f + d
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Complement {
     /// Force sensor channels, in the order of `input`'s columns.
     pub sensors: [Calibration; LEGS],
@@ -134,7 +137,7 @@ impl Complement {
 pub const SECTIONS: usize = 3;
 
 /// One mode: sections in series, then proportional plus integral.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Channel {
     /// Shaping.
     pub sections: [Section; SECTIONS],
@@ -154,7 +157,7 @@ pub struct Channel {
 /// ```
 ///
 /// Poles at z = 1 + δ, δ² + rate·damping·δ + rate² = 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Section {
     /// The geometric mean of the poles' distances from z = 1.
     pub rate: f32,
@@ -189,7 +192,7 @@ impl Section {
 }
 
 /// Everything the step is configured by. Plain data; see [`Table::validate`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Table {
     /// [`FORMAT_VERSION`] when it was made.
     pub version: u16,
@@ -216,6 +219,10 @@ pub struct Table {
     pub actuators: [Drive; LEGS],
     /// The highest DAC code; the lowest is 0.
     pub dac_max: DacCode,
+    /// When the supervisor acts.
+    pub supervision: Supervision,
+    /// How sensors and legs are tested.
+    pub self_test: SelfTest,
 }
 
 /// What is wrong with a table.
@@ -245,6 +252,10 @@ pub enum TableError {
     Gain(usize),
     /// Leak or anti-windup outside 0 to 1.
     Integral,
+    /// A count that must not be 0 is, or a factor makes no sense.
+    Supervision,
+    /// The self-test's numbers are not finite, or it pushes with nothing.
+    SelfTest,
     /// A drive is not finite, its gain is zero, or its limit is not positive
     /// or reaches past the DAC's codes; the channel.
     Actuator(usize),
@@ -269,6 +280,8 @@ impl core::fmt::Display for TableError {
             Self::Section(i) => write!(f, "channel {i} has a section that is not stable"),
             Self::Gain(i) => write!(f, "gain row {i} is not finite"),
             Self::Integral => f.write_str("leak or anti-windup lies outside 0 to 1"),
+            Self::Supervision => f.write_str("the supervisor's numbers make no sense"),
+            Self::SelfTest => f.write_str("the self-test's numbers make no sense"),
             Self::Actuator(i) => write!(
                 f,
                 "actuator channel {i}: not finite, no gain, or a limit the DAC cannot give"
@@ -293,6 +306,37 @@ impl ValidTable {
     /// The DAC codes of no force: what a board gives when nothing is to move.
     pub fn safe_codes(&self) -> [DacCode; LEGS] {
         self.0.actuators.map(|drive| drive.code(0.0))
+    }
+
+    /// CRC-32 (ISO-HDLC) of the table as postcard writes it: what a table is
+    /// known by, and what shows that a bit of it has changed.
+    pub fn checksum(&self) -> u32 {
+        // Numbers, options and arrays of known length: nothing that postcard
+        // cannot write, and the sum takes it all.
+        postcard::serialize_with_flavor(&self.0, Sum(CRC.digest())).unwrap_or(0)
+    }
+}
+
+const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// Sums up instead of storing.
+struct Sum(crc::Digest<'static, u32>);
+
+impl postcard::ser_flavors::Flavor for Sum {
+    type Output = u32;
+
+    fn try_push(&mut self, data: u8) -> postcard::Result<()> {
+        self.0.update(&[data]);
+        Ok(())
+    }
+
+    fn try_extend(&mut self, data: &[u8]) -> postcard::Result<()> {
+        self.0.update(data);
+        Ok(())
+    }
+
+    fn finalize(self) -> postcard::Result<u32> {
+        Ok(self.0.finalize())
     }
 }
 
@@ -337,6 +381,12 @@ impl Table {
             }
         };
         if let Err(error) = paths {
+            return Err(error);
+        }
+        if let Err(error) = self.supervision.validate() {
+            return Err(error);
+        }
+        if let Err(error) = self.self_test.validate() {
             return Err(error);
         }
         // `while`, because `for` is not const.

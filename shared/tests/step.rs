@@ -5,7 +5,9 @@ use nalgebra::Matrix6;
 use proptest::prelude::*;
 use shared::LEGS;
 use shared::codes::{Adc, AdcCode, Dac, DacCode, LegForces, Samples};
-use shared::step::{Clamp, LawState, State, force as law_force, step};
+use shared::self_test::{Phasor, SelfTest};
+use shared::step::{Clamp, Demand, LawState, State, force as law_force, step};
+use shared::supervisor::Supervision;
 use shared::table::{
     Channel, Complement, Direct, FORMAT_VERSION, Feedback, Law, Modal, ModelDigest, Paths,
     SECTIONS, Section, Table, TableError, ValidTable,
@@ -28,6 +30,44 @@ fn table() -> Table {
         },
         actuators: [Dac::new(16, 0.0, 5.0).unwrap().drive(100.0, 200.0); LEGS],
         dac_max: DacCode(65535),
+        supervision: SUPERVISION,
+        self_test: SELF_TEST,
+    }
+}
+
+const SUPERVISION: Supervision = Supervision {
+    ramp: 1.01,
+    settle: 1,
+    safe_ramp: 1,
+    rail: 1,
+    stuck: 0,
+    lost: 1,
+    late: 0,
+    saturated: 1,
+    silence: 0,
+    window: 10,
+    growth: 2.0,
+    grown: 1,
+    level: 0.1,
+    ratio: 10.0,
+    strange: 1,
+};
+
+const SELF_TEST: SelfTest = SelfTest {
+    step: 1 << 25,
+    amplitude: 1.0,
+    settle: 0,
+    measure: 128,
+    tolerance: 0.1,
+    sensors: [[Phasor::ZERO; LEGS]; LEGS],
+    forces: [[Phasor::ZERO; LEGS]; LEGS],
+};
+
+/// The whole law and this on top.
+fn pushed(injection: [f32; LEGS]) -> Demand {
+    Demand {
+        injection: LegForces(injection),
+        ..Demand::LAW
     }
 }
 
@@ -77,7 +117,7 @@ fn first(table: &ValidTable, adc: [i16; LEGS], injection: [f32; LEGS]) -> [f64; 
         table,
         &mut state,
         adc.map(AdcCode).into(),
-        LegForces(injection),
+        pushed(injection),
     )
     .dac
     .map(force)
@@ -124,7 +164,7 @@ fn the_integral_is_trapezoidal() {
             &mut state,
             &y,
             &[0.0; LEGS],
-            &[0.0; LEGS],
+            &Demand::LAW,
         );
         assert_eq!(clamp, Clamp::Idle);
         // Whole numbers: exact in single precision.
@@ -150,7 +190,7 @@ fn the_integral_leaks() {
             &mut state,
             &y,
             &[0.0; LEGS],
-            &[0.0; LEGS],
+            &Demand::LAW,
         )
         .0;
     }
@@ -170,16 +210,16 @@ fn a_constant_offset_gives_no_kick_and_dies_out() {
     let offset = [AdcCode(500); LEGS].into();
     let mut state = State::settled_on(&t, offset);
     for _ in 0..10_000 {
-        let out = step(&t, &mut state, offset, LegForces::ZERO);
+        let out = step(&t, &mut state, offset, Demand::LAW);
         assert!(out.dac.iter().all(|code| force(*code).abs() <= CODE));
     }
     // Another offset: away after some time constants, though not at once.
     let moved = [AdcCode(700); LEGS];
-    let kick = force(step(&t, &mut state, moved.into(), LegForces::ZERO).dac[0]);
+    let kick = force(step(&t, &mut state, moved.into(), Demand::LAW).dac[0]);
     assert!(kick < -100.0, "{kick} N");
     let mut last = kick;
     for _ in 0..30_000 {
-        last = force(step(&t, &mut state, moved.into(), LegForces::ZERO).dac[0]);
+        last = force(step(&t, &mut state, moved.into(), Demand::LAW).dac[0]);
     }
     assert!(last.abs() <= CODE, "{last} N");
 }
@@ -197,21 +237,16 @@ fn a_shock_is_no_offset() {
     let t = valid(t);
     let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
     for _ in 0..100 {
-        step(
-            &t,
-            &mut state,
-            [AdcCode(30_000); LEGS].into(),
-            LegForces::ZERO,
-        );
+        step(&t, &mut state, [AdcCode(30_000); LEGS].into(), Demand::LAW);
     }
-    let after = force(step(&t, &mut state, [AdcCode(0); LEGS].into(), LegForces::ZERO).dac[0]);
+    let after = force(step(&t, &mut state, [AdcCode(0); LEGS].into(), Demand::LAW).dac[0]);
     // Both averages rose by 100·1e-3·1e-3 m/s², at 1000 N/(m/s²).
     assert!((after - 0.2).abs() <= CODE, "{after} N");
     // 100 codes are 1.5e-3 m/s², past the limit.
     for _ in 0..20_000 {
-        step(&t, &mut state, [AdcCode(100); LEGS].into(), LegForces::ZERO);
+        step(&t, &mut state, [AdcCode(100); LEGS].into(), Demand::LAW);
     }
-    let settled = force(step(&t, &mut state, [AdcCode(100); LEGS].into(), LegForces::ZERO).dac[0]);
+    let settled = force(step(&t, &mut state, [AdcCode(100); LEGS].into(), Demand::LAW).dac[0]);
     assert!(settled.abs() <= CODE, "{settled} N");
 }
 
@@ -241,23 +276,13 @@ fn recovers(table: &Table) {
         let t = valid(t);
         let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
         for _ in 0..20_000 {
-            let out = step(
-                &t,
-                &mut state,
-                [AdcCode(3000); LEGS].into(),
-                LegForces::ZERO,
-            );
+            let out = step(&t, &mut state, [AdcCode(3000); LEGS].into(), Demand::LAW);
             assert!(state.is_finite());
             assert!(out.dac.iter().all(|code| force(*code) >= -200.0 - CODE));
         }
         (0..)
             .find(|_| {
-                let out = step(
-                    &t,
-                    &mut state,
-                    [AdcCode(-3000); LEGS].into(),
-                    LegForces::ZERO,
-                );
+                let out = step(&t, &mut state, [AdcCode(-3000); LEGS].into(), Demand::LAW);
                 !out.status.clamped
             })
             .unwrap()
@@ -282,7 +307,7 @@ fn a_force_that_is_no_number_gives_the_safe_codes() {
         [32767, -32768, 32767, -32768, 32767, 32767]
             .map(AdcCode)
             .into(),
-        LegForces([f32::NAN; LEGS]),
+        pushed([f32::NAN; LEGS]),
     );
     assert!(out.status.not_finite);
     assert_eq!(out.dac, t.safe_codes());
@@ -294,7 +319,7 @@ fn sensors_at_a_rail_are_reported() {
     let t = valid(table());
     let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
     let adc = [32767, 32766, -32768, -32767, 0, 32767].map(AdcCode);
-    let out = step(&t, &mut state, adc.into(), LegForces::ZERO);
+    let out = step(&t, &mut state, adc.into(), Demand::LAW);
     assert_eq!(out.status.sensors_at_rail, 0b10_0101);
 }
 
@@ -430,7 +455,7 @@ fn the_kinds_complement_each_other() {
                 &mut state,
                 &[a; LEGS],
                 &[f; LEGS],
-                &[0.0; LEGS],
+                &Demand::LAW,
             )
             .0;
         }
@@ -474,7 +499,7 @@ fn force_sensors_settle_too() {
         forces: [20_000, -20_000, 32_767, 1, -32_768, 5].map(AdcCode),
     };
     let mut state = State::settled_on(&t, adc);
-    let out = step(&t, &mut state, adc, LegForces::ZERO);
+    let out = step(&t, &mut state, adc, Demand::LAW);
     assert_eq!(out.dac, t.safe_codes());
     assert_eq!(out.status.forces_at_rail, 0b01_0100);
     assert!(out.status.at_rail() && out.status.sensors_at_rail == 0);
@@ -544,7 +569,7 @@ fn alike_channels_are_one_matrix() {
             &mut states[0],
             &y,
             &[0.0; LEGS],
-            &[0.0; LEGS],
+            &Demand::LAW,
         )
         .0;
         let direct = law_force(
@@ -553,7 +578,7 @@ fn alike_channels_are_one_matrix() {
             &mut states[1],
             &y,
             &[0.0; LEGS],
-            &[0.0; LEGS],
+            &Demand::LAW,
         )
         .0;
         // All numbers are small multiples of 1/16: exact.
@@ -665,7 +690,7 @@ proptest! {
     ) {
         let mut state = State::settled_on(&t, samples[0].0.map(AdcCode).into());
         for (adc, injection) in samples {
-            let out = step(&t, &mut state, adc.map(AdcCode).into(), LegForces(injection));
+            let out = step(&t, &mut state, adc.map(AdcCode).into(), pushed(injection));
             for (code, drive) in out.dac.iter().zip(&t.get().actuators) {
                 prop_assert!(force(*code).abs() <= f64::from(drive.limit) + CODE);
             }
@@ -686,10 +711,10 @@ proptest! {
         let law = &t.get().law;
         let limits = t.get().actuators.map(|drive| drive.limit);
         let mut state = LawState::REST;
-        let (free, clamp) = law_force(law, &[f32::MAX; LEGS], &mut state, &y, &[0.0; LEGS], &injection);
+        let (free, clamp) = law_force(law, &[f32::MAX; LEGS], &mut state, &y, &[0.0; LEGS], &pushed(injection));
         prop_assert_eq!(clamp, Clamp::Idle);
         let mut state = LawState::REST;
-        let (held, clamp) = law_force(law, &limits, &mut state, &y, &[0.0; LEGS], &injection);
+        let (held, clamp) = law_force(law, &limits, &mut state, &y, &[0.0; LEGS], &pushed(injection));
         let worst = (0..LEGS).map(|i| free[i].abs() / limits[i]).fold(0.0, f32::max);
         if worst <= 1.0 {
             prop_assert_eq!(clamp, Clamp::Idle);

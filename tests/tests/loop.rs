@@ -3,17 +3,14 @@
 
 use std::path::Path;
 
-use firmware::exchange::{parse_reply, parse_request, reply, request};
-use firmware::loop_task::LoopTask;
-use firmware::tables::{self, metrology_frame};
+use firmware::tables::{self, Entry, metrology_frame};
 use host_gen::law::LinearLaw;
 use host_gen::machine::Machine;
-use host_gen::simulation::Rig;
 use host_gen::study::Study;
 use nalgebra::Complex;
 use shared::LEGS;
-use shared::codes::{AdcCode, LegForces, Samples};
-use shared::step::{State, step};
+use shared::codes::{AdcCode, Samples};
+use shared::step::{Demand, State, step};
 use shared::table::{Paths, ValidTable};
 
 fn study(name: &str) -> Study {
@@ -25,9 +22,15 @@ fn study(name: &str) -> Study {
 /// the emitted source reads back to what was emitted.
 #[test]
 fn the_firmwares_tables_are_the_models() {
-    for (name, compiled) in tables::ALL {
-        let (table, _) = study(name).table().unwrap();
-        assert_eq!(*compiled, table, "{name}");
+    for Entry {
+        machine,
+        table: compiled,
+        checksum,
+    } in &tables::ALL
+    {
+        let (table, _) = study(machine).table().unwrap();
+        assert_eq!(**compiled, table, "{machine}");
+        assert_eq!(*checksum, table.checksum(), "{machine}");
     }
 }
 
@@ -87,7 +90,7 @@ fn sine(table: &ValidTable, sensor: usize, hz: f64, amplitude: f64) -> [Complex<
     let mut sums: [Complex<f64>; LEGS] = [Complex::ZERO; LEGS];
     let mut k = 0.0;
     while k < settled + measured {
-        let out = step(table, &mut state, at(k), LegForces::ZERO);
+        let out = step(table, &mut state, at(k), Demand::LAW);
         assert!(!out.status.clamped);
         if k >= settled {
             let turn = Complex::cis(-omega * k);
@@ -101,26 +104,4 @@ fn sine(table: &ValidTable, sensor: usize, hz: f64, amplitude: f64) -> [Complex<
     // sin = Im e^(jωk), so the input's own sum is amplitude·n/2j.
     let input = Complex::new(0.0, -0.5) * amplitude * unit * measured;
     sums.map(|sum| sum / input)
-}
-
-/// The loop task over the serial line gives what the step gives.
-#[test]
-fn the_loop_task_runs_the_step() {
-    let study = study("metrology-frame");
-    let settings = &study.machine.simulation;
-    let mut rig = Rig::new(study.plant.clone(), &study.machine.board, settings);
-    let table = &metrology_frame::TABLE;
-    let mut task = LoopTask::new(table);
-    let mut state = None;
-    for k in 0..5000 {
-        if k == 4000 {
-            rig.floor_gain = 100.0;
-        }
-        let adc = rig.sample();
-        let received = parse_request(&request(adc)).unwrap();
-        let output = parse_reply(&reply(&task.on_sample(received))).unwrap();
-        let state = state.get_or_insert_with(|| State::settled_on(table, adc));
-        assert_eq!(output, step(table, state, adc, LegForces::ZERO));
-        rig.advance(output.dac);
-    }
 }

@@ -18,8 +18,8 @@ use cortex_m_semihosting::hprintln;
 use firmware::tables::{both_sensors, metrology_frame};
 use nalgebra::Matrix6;
 use shared::LEGS;
-use shared::codes::{AdcCode, LegForces, Samples};
-use shared::step::{Clamp, LawState, Output, State, Status, force, step};
+use shared::codes::{AdcCode, Samples};
+use shared::step::{Clamp, Demand, LawState, Output, State, Status, force, step};
 use shared::table::{Direct, Law, Paths, ValidTable};
 
 type Six = [f32; LEGS];
@@ -41,7 +41,7 @@ fn empty_law(_: &Law, _: &Six, _: &mut LawState, _: &[Six; 2]) -> (Six, Clamp) {
 
 #[inline(never)]
 fn whole_law(law: &Law, limits: &Six, state: &mut LawState, [w, f]: &[Six; 2]) -> (Six, Clamp) {
-    force(law, limits, state, w, f, &LegForces::ZERO.0)
+    force(law, limits, state, w, f, &Demand::LAW)
 }
 
 #[inline(never)]
@@ -59,7 +59,7 @@ fn empty_step(table: &ValidTable, _: &mut State, _: Samples) -> Output {
 
 #[inline(never)]
 fn whole_step(table: &ValidTable, state: &mut State, adc: Samples) -> Output {
-    step(table, state, adc, LegForces::ZERO)
+    step(table, state, adc, Demand::LAW)
 }
 
 /// Instructions per call, the loop around it included.

@@ -6,9 +6,9 @@
 mod board;
 
 use cortex_m_rt::entry;
-use firmware::tables::both_sensors;
+use firmware::tables;
 
 #[entry]
 fn main() -> ! {
-    board::run(&both_sensors::TABLE)
+    board::run(&tables::ALL[1])
 }

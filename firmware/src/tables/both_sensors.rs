@@ -5,6 +5,8 @@
 
 use nalgebra::matrix;
 use shared::codes::{AdcCode, Calibration, DacCode, Drive};
+use shared::self_test::{Phasor, SelfTest};
+use shared::supervisor::Supervision;
 use shared::table::{
     Channel, Complement, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,
 };
@@ -12,12 +14,12 @@ use shared::table::{
 /// The table, checked by the compiler.
 #[rustfmt::skip]
 pub static TABLE: ValidTable = match (Table {
-    version: 4,
+    version: 5,
     model: ModelDigest([
-        0x18, 0xea, 0x19, 0x5a, 0x68, 0x20, 0x57, 0x2d,
-        0x96, 0xab, 0x7f, 0x2a, 0x73, 0xaa, 0x40, 0x5e,
-        0x3b, 0xb7, 0xc6, 0x8a, 0xd3, 0x3e, 0x40, 0x5c,
-        0x31, 0x72, 0x1a, 0x19, 0x40, 0x66, 0xb2, 0x61,
+        0xc4, 0x26, 0x1e, 0x93, 0x4c, 0x38, 0x7f, 0x7f,
+        0x79, 0x03, 0xe9, 0x79, 0x23, 0x13, 0x92, 0x1b,
+        0x5c, 0xd8, 0xa5, 0x6f, 0xb8, 0xd2, 0xea, 0xde,
+        0x03, 0xf3, 0xd7, 0x88, 0xa5, 0x46, 0xd5, 0xeb,
     ]),
     // Hz.
     sample_rate: 20000.0,
@@ -141,9 +143,42 @@ pub static TABLE: ValidTable = match (Table {
         Drive { zero: 32768.0, gain: 131.072, limit: 200.0 },
     ],
     dac_max: DacCode(65535),
+    // Samples.
+    supervision: Supervision { ramp: 1.0001727, settle: 40000, safe_ramp: 1000, rail: 100, stuck: 2000, lost: 3, late: 3, saturated: 20000, silence: 0, window: 1000, growth: 1.5, grown: 6, level: 0.1, ratio: 20.0, strange: 10 },
+    self_test: SelfTest {
+        step: 42090680,
+        amplitude: 10.0,
+        settle: 2000,
+        measure: 5000,
+        tolerance: 0.4,
+        // By leg: what each sensor answers a push of 1 N.
+        sensors: [
+            [p(0.002999, -0.000348), p(0.005049, -0.0005796), p(0.001713, -0.0001963), p(-0.0008793, 9.994e-5), p(-0.0008035, 9.47e-5), p(-0.001626, 0.0001902)],
+            [p(-0.002999, 0.000348), p(0.005049, -0.0005796), p(-0.001626, 0.0001902), p(-0.0008035, 9.47e-5), p(-0.0008793, 9.994e-5), p(0.001713, -0.0001963)],
+            [p(0.001354, -0.0001581), p(-0.0008035, 9.47e-5), p(0.002575, -0.0002999), p(0.005049, -0.0005796), p(-0.0008793, 9.994e-5), p(-0.0007631, 8.662e-5)],
+            [p(-0.00143, 0.0001633), p(-0.0008793, 9.994e-5), p(-0.002619, 0.0003029), p(0.005049, -0.0005796), p(-0.0008035, 9.47e-5), p(0.0007194, -8.359e-5)],
+            [p(0.00143, -0.0001633), p(-0.0008793, 9.994e-5), p(0.0007194, -8.359e-5), p(-0.0008035, 9.47e-5), p(0.005049, -0.0005796), p(-0.002619, 0.0003029)],
+            [p(-0.001354, 0.0001581), p(-0.0008035, 9.47e-5), p(-0.0007631, 8.662e-5), p(-0.0008793, 9.994e-5), p(0.005049, -0.0005796), p(0.002575, -0.0002999)],
+        ],
+        forces: [
+            [p(1.024, -0.1256), p(0.00804, -0.0007032), p(0.002158, -0.0001909), p(-0.009055, 0.0007957), p(0.002158, -0.0001909), p(-0.008462, 0.0007547)],
+            [p(0.00804, -0.0007032), p(1.024, -0.1256), p(-0.008462, 0.0007547), p(0.002158, -0.0001909), p(-0.009055, 0.0007957), p(0.002158, -0.0001909)],
+            [p(0.002158, -0.0001909), p(-0.008462, 0.0007547), p(1.024, -0.1256), p(0.00804, -0.0007032), p(0.002158, -0.0001909), p(-0.009055, 0.0007957)],
+            [p(-0.009055, 0.0007957), p(0.002158, -0.0001909), p(0.00804, -0.0007032), p(1.024, -0.1256), p(-0.008462, 0.0007547), p(0.002158, -0.0001909)],
+            [p(0.002158, -0.0001909), p(-0.009055, 0.0007957), p(0.002158, -0.0001909), p(-0.008462, 0.0007547), p(1.024, -0.1256), p(0.00804, -0.0007032)],
+            [p(-0.008462, 0.0007547), p(0.002158, -0.0001909), p(-0.009055, 0.0007957), p(0.002158, -0.0001909), p(0.00804, -0.0007032), p(1.024, -0.1256)],
+        ],
+    },
 })
 .validate()
 {
     Ok(table) => table,
     Err(_) => panic!("this table was edited by hand"),
 };
+
+/// [`ValidTable::checksum`] of it when it was made.
+pub const CHECKSUM: u32 = 0x2f2f2ff9;
+
+const fn p(re: f32, im: f32) -> Phasor {
+    Phasor { re, im }
+}

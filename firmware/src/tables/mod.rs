@@ -5,8 +5,26 @@ use shared::table::ValidTable;
 pub mod both_sensors;
 pub mod metrology_frame;
 
-/// The tables by the name of their machine.
-pub static ALL: [(&str, &ValidTable); 2] = [
-    ("metrology-frame", &metrology_frame::TABLE),
-    ("both-sensors", &both_sensors::TABLE),
+/// A machine's table.
+pub struct Entry {
+    /// The machine's name.
+    pub machine: &'static str,
+    /// Its table.
+    pub table: &'static ValidTable,
+    /// What its checksum was when it was made.
+    pub checksum: u32,
+}
+
+/// All of them.
+pub static ALL: [Entry; 2] = [
+    Entry {
+        machine: "metrology-frame",
+        table: &metrology_frame::TABLE,
+        checksum: metrology_frame::CHECKSUM,
+    },
+    Entry {
+        machine: "both-sensors",
+        table: &both_sensors::TABLE,
+        checksum: both_sensors::CHECKSUM,
+    },
 ];

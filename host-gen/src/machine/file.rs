@@ -45,6 +45,9 @@ pub struct File {
     pub control: Control,
     /// The board.
     pub board: Board,
+    /// When the supervisor acts.
+    #[serde(default)]
+    pub supervision: Supervision,
     /// The standard run in simulation. Not part of the digest.
     #[serde(default, skip_serializing)]
     pub simulation: Simulation,
@@ -346,6 +349,78 @@ pub struct Actuator {
     pub limit: f64,
     /// First-order lag, Hz.
     pub bandwidth: Option<f64>,
+}
+
+/// `[supervision]`
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Supervision {
+    /// Soft start and stop, s.
+    pub soft_start: f64,
+    /// A soft start's wait for the machine to come to rest, and the time after it
+    /// over which the sensors' offsets are taken, s.
+    pub settle: f64,
+    /// From a fault to the safe codes, s.
+    pub safe_ramp: f64,
+    /// A sensor this long at a rail is a fault, s.
+    pub rail: f64,
+    /// A sensor this long at one code is a fault, s; 0 to leave it out. If not
+    /// given, 0.1, or 0 where sensor and ADC are too quiet for that.
+    pub stuck: Option<f64>,
+    /// So many samples in a row not read are a fault.
+    pub lost: u32,
+    /// More deadlines missed in a window are a fault.
+    pub late: u32,
+    /// Clamped for so long is a fault, s. If not given, one period of
+    /// `control.frequency`.
+    pub saturated: Option<f64>,
+    /// Nobody heard on the link for this long while the legs are driven is a
+    /// fault, s; 0 to leave it out.
+    pub silence: f64,
+    /// Length of a window, s.
+    pub window: f64,
+    /// Forces whose power grows by this factor from window to window diverge,
+    pub growth: f64,
+    /// if they do so many windows in a row
+    pub grown: u32,
+    /// and come to this part of their limit.
+    pub level: f64,
+    /// A sensor is implausible whose rms is this many times the others' median,
+    /// or less than its inverse,
+    pub ratio: f64,
+    /// for so many windows in a row.
+    pub strange: u32,
+    /// The self-test's push, part of a leg's limit.
+    pub test_force: f64,
+    /// How long the self-test measures a leg, s.
+    pub test_time: f64,
+    /// How far an answer may be off, part of what it should be.
+    pub test_tolerance: f64,
+}
+
+impl Default for Supervision {
+    fn default() -> Self {
+        Self {
+            soft_start: 2.0,
+            settle: 2.0,
+            safe_ramp: 0.05,
+            rail: 0.005,
+            stuck: None,
+            lost: 3,
+            late: 3,
+            saturated: None,
+            silence: 0.0,
+            window: 0.05,
+            growth: 1.5,
+            grown: 6,
+            level: 0.1,
+            ratio: 20.0,
+            strange: 10,
+            test_force: 0.05,
+            test_time: 0.25,
+            test_tolerance: 0.4,
+        }
+    }
 }
 
 /// `[simulation]`

@@ -21,7 +21,7 @@ use shared::table::ModelDigest;
 
 pub(crate) use error::Fault;
 pub use error::MachineError;
-pub use file::{Certainty, Feedback, LawName, Minimise, Provenance, Simulation};
+pub use file::{Certainty, Feedback, LawName, Minimise, Provenance, Simulation, Supervision};
 use source::Source;
 
 /// A machine as checked. SI units.
@@ -57,6 +57,8 @@ pub struct Machine {
     pub target: Target,
     /// The board.
     pub board: Board,
+    /// When the supervisor acts.
+    pub supervision: Supervision,
     /// The standard run in simulation.
     pub simulation: Simulation,
     /// The Monte Carlo run.

@@ -141,6 +141,7 @@ pub(super) fn machine(
         _ => {}
     }
     let board = board(&file.board, target.feedback)?;
+    supervision(&file.supervision, board.sample_rate)?;
     simulation(&file.simulation, board.sample_rate)?;
     let robustness = robustness(&file.robustness, &bodies, &names, &actuators)?;
 
@@ -174,6 +175,7 @@ pub(super) fn machine(
         damping,
         target,
         board,
+        supervision: file.supervision,
         simulation: file.simulation,
         robustness,
         provenance: file.provenance,
@@ -616,6 +618,62 @@ fn board_sensor(entry: &str, spec: Option<&file::Sensor>) -> Checked<Option<Sens
 
 fn bandwidth(entry: &str, hz: Option<f64>) -> Checked<Option<f64>> {
     hz.map(|hz| positive(entry, hz)).transpose()
+}
+
+fn supervision(s: &file::Supervision, sample_rate: f64) -> Checked<()> {
+    // What fits the table's counters, and a window's sums.
+    let longest = f64::from(1 << 20) / sample_rate;
+    for (key, time) in [
+        ("soft_start", s.soft_start),
+        ("settle", s.settle),
+        ("safe_ramp", s.safe_ramp),
+        ("rail", s.rail),
+        ("saturated", s.saturated.unwrap_or(s.settle)),
+        ("window", s.window),
+        ("test_time", s.test_time),
+    ] {
+        let entry = format!("supervision.{key}");
+        positive(&entry, time)?;
+        if time > longest || time * sample_rate < 2.0 {
+            return Err(Fault::new(
+                entry,
+                format!("{time} s is not between two samples and {longest:.0} s"),
+            ));
+        }
+    }
+    for (key, time) in [("stuck", s.stuck.unwrap_or(0.0)), ("silence", s.silence)] {
+        let entry = format!("supervision.{key}");
+        not_negative(&entry, time)?;
+        if time > longest {
+            return Err(Fault::new(
+                entry,
+                format!("{time} s is above {longest:.0} s"),
+            ));
+        }
+    }
+    for (key, factor) in [("growth", s.growth), ("ratio", s.ratio)] {
+        if !(factor.is_finite() && factor > 1.0) {
+            return Err(Fault::new(
+                format!("supervision.{key}"),
+                format!("{factor} must be above 1"),
+            ));
+        }
+    }
+    for (key, part) in [("level", s.level), ("test_force", s.test_force)] {
+        if !(part > 0.0 && part <= 1.0) {
+            return Err(Fault::new(
+                format!("supervision.{key}"),
+                "is a part of the legs' limit, above 0 and up to 1",
+            ));
+        }
+    }
+    positive("supervision.test_tolerance", s.test_tolerance)?;
+    for (key, count) in [("lost", s.lost), ("grown", s.grown), ("strange", s.strange)] {
+        if count == 0 {
+            return Err(Fault::new(format!("supervision.{key}"), "is at least 1"));
+        }
+    }
+    Ok(())
 }
 
 fn simulation(s: &file::Simulation, sample_rate: f64) -> Checked<()> {

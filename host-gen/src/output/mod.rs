@@ -443,6 +443,12 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
         r.peak_sensitivity.at_sensors,
         r.slowest_decay
     )?;
+    if !r.soft_start {
+        writeln!(
+            f,
+            "  Warning: on its way through a soft start the loop is not stable with every gain."
+        )?;
+    }
     if let Some(drawn) = r.drawn {
         writeln!(
             f,

@@ -1,6 +1,11 @@
-//! Processor in the loop: the plant here, the firmware on an emulated board,
-//! one sample at a time over its UART. The host runs the same step beside it
-//! and compares every code; the board's codes move the plant.
+//! Processor in the loop: the plant here, the firmware on an emulated board, one
+//! sample at a time over one UART, the link over the other. The host runs the same
+//! controller beside it and compares every code and every answer; the board's codes
+//! move the plant.
+//!
+//! A whole session: identity, self-test, injection, recording, soft start, closed
+//! loop with shocks, a fault, safe state, snapshot, clearing, restart.
+
 #![forbid(unsafe_code)]
 
 use std::io::{self, Read as _, Write as _};
@@ -12,12 +17,15 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use firmware::exchange::{REPLY, REQUEST, parse_reply, request};
-use firmware::loop_task::LoopTask;
-use firmware::tables;
+use firmware::tables::{self, Entry};
 use host_gen::machine::Machine;
 use host_gen::simulation::Rig;
 use host_gen::study::Study;
-use shared::table::ValidTable;
+use shared::controller::{Controller, Refusal};
+use shared::injection::{Injection, Signal};
+use shared::link::{Cutter, Packet, Reply, Request, Server, VERSION, encode};
+use shared::recorder::{Record, Recording, Trigger};
+use shared::supervisor::{Cause, Mode};
 
 /// Runs the firmware on emulated boards against the simulated plant.
 #[derive(Parser)]
@@ -25,7 +33,8 @@ struct Cli {
     /// Machine file of the plant.
     #[arg(long)]
     model: PathBuf,
-    /// Samples per board.
+    /// Samples per board with the loop closed; the rest of the session comes on
+    /// top.
     #[arg(long)]
     samples: u32,
     /// The emulator's name of a board, and the image with the machine's table.
@@ -36,9 +45,12 @@ struct Cli {
 /// A board that is silent for this long has stopped.
 const SILENCE: Duration = Duration::from_secs(60);
 
-/// The last fifth of a run shakes the floor this much harder, so that clamp and
-/// anti-windup are compared too.
+/// Every half second the floor shakes this much harder for a twentieth, so that
+/// clamp and anti-windup are compared too.
 const ROUGH: f64 = 60.0;
+
+/// Records that the board's recorder has room for.
+const ROOM: usize = 16_384;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error + Send + Sync>>;
 
@@ -57,7 +69,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> Outcome<bool> {
     let study = Study::new(Machine::load(&cli.model)?)?;
     let name = &study.machine.name;
-    let Some((_, table)) = tables::ALL.iter().find(|(of, _)| of == name) else {
+    let Some(entry) = tables::ALL.iter().find(|entry| entry.machine == name) else {
         return Err(format!("the firmware has no table of {name}").into());
     };
     let boards: Vec<_> = cli.board.chunks_exact(2).collect();
@@ -69,7 +81,7 @@ fn run(cli: &Cli) -> Outcome<bool> {
                 let study = &study;
                 scope.spawn(move || {
                     let image = Path::new(&board[1]);
-                    in_the_loop(study, table, cli.samples, &board[0], image)
+                    in_the_loop(study, entry, cli.samples, &board[0], image)
                 })
             })
             .collect();
@@ -82,127 +94,374 @@ fn run(cli: &Cli) -> Outcome<bool> {
     for (board, result) in boards.iter().zip(results) {
         let count = result.map_err(|error| format!("{}: {error}", board[0]))?;
         println!(
-            "{} on {}: {} of {} samples equal to the host's, {} different; clamp active in {}, a sensor at a rail in {}; {:.0} s",
-            name,
+            "{name} on {}: {} of {} samples and {} of {} answers equal to the host's; clamp active in {}; {:.0} s",
             board[0],
             count.equal,
-            cli.samples,
-            count.different,
+            count.samples,
+            count.answers_equal,
+            count.answers,
             count.clamped,
-            count.railed,
             count.seconds
         );
-        good &= count.equal == cli.samples && count.different == 0;
-        // Else the run has not compared what it should.
-        if cli.samples >= 10_000 && (count.clamped == 0 || count.clamped == count.equal) {
-            println!(
-                "{}: the run was to hold clamped and unclamped samples",
-                board[0]
-            );
-            good = false;
-        }
+        good &= count.equal == count.samples && count.answers_equal == count.answers;
     }
     Ok(good)
 }
 
 #[derive(Default)]
 struct Count {
+    samples: u32,
     equal: u32,
-    different: u32,
+    answers: u32,
+    answers_equal: u32,
     clamped: u32,
-    railed: u32,
     seconds: f64,
 }
 
 fn in_the_loop(
     study: &Study,
-    table: &'static ValidTable,
+    entry: &Entry,
     samples: u32,
     machine: &str,
     image: &Path,
 ) -> Outcome<Count> {
-    let mut board = Emulated::start(machine, image)?;
-    let settings = &study.machine.simulation;
-    let mut rig = Rig::new(study.plant.clone(), &study.machine.board, settings);
-    let mut host = LoopTask::new(table);
-    let mut count = Count::default();
     let start = Instant::now();
-    for k in 0..samples {
-        if k == samples / 5 * 4 {
-            rig.floor_gain = ROUGH;
-        }
-        let adc = rig.sample();
-        let expected = host.on_sample(adc);
-        let reply = board.exchange(&request(adc))?;
-        let output = parse_reply(&reply)?;
-        if output == expected {
-            count.equal += 1;
-        } else {
-            count.different += 1;
-            if count.different == 1 {
-                println!(
-                    "{machine}: sample {k}: {adc:?} gave {output:?}, on the host {expected:?}"
-                );
-            }
-        }
-        count.clamped += u32::from(output.status.clamped);
-        count.railed += u32::from(output.status.at_rail());
-        rig.advance(output.dac);
-    }
+    let settings = &study.machine.simulation;
+    let mut room = vec![Record::NONE; ROOM];
+    let mut session = Session {
+        name: machine,
+        board: Emulated::start(machine, image)?,
+        rig: Rig::new(study.plant.clone(), &study.machine.board, settings),
+        host: Controller::new(*entry.table, entry.checksum, &mut room),
+        server: Server::new(),
+        session: 0,
+        sequence: 0,
+        count: Count::default(),
+        stuck: None,
+    };
+    session.run(samples)?;
+    let mut count = session.count;
+    count.clamped = session.host.report().clamped;
     count.seconds = start.elapsed().as_secs_f64();
     Ok(count)
 }
 
-/// An emulator with its UART on a socket.
+/// A board and the host's copy of it.
+struct Session<'a> {
+    name: &'a str,
+    board: Emulated,
+    rig: Rig,
+    host: Controller<'a>,
+    server: Server,
+    session: u32,
+    sequence: u32,
+    count: Count,
+    /// The code that sensor 3 gives whatever it feels.
+    stuck: Option<i16>,
+}
+
+impl Session<'_> {
+    fn run(&mut self, samples: u32) -> Outcome<()> {
+        self.samples(100)?;
+        self.expect(&Request::Hello(7), |reply| *reply == Reply::Hello)?;
+        self.expect(&Request::Identity, |reply| {
+            matches!(reply, Reply::Identity(_))
+        })?;
+        let refused = |why| move |reply: &Reply| *reply == Reply::Refused(why);
+        self.expect(&Request::Start, refused(Refusal::Mode))?;
+        self.expect(&Request::SetGain(f32::NAN), refused(Refusal::Range))?;
+        self.garbled()?;
+        self.done(&Request::SelfTest)?;
+        self.until(|mode| mode != Mode::Testing, Mode::Idle)?;
+
+        self.done(&Request::Record(Recording {
+            trigger: Trigger::Injection,
+            before: 20,
+            after: 180,
+        }))?;
+        self.samples(100)?;
+        self.done(&Request::Inject(Injection {
+            signal: Signal::Multisine {
+                period: 1024,
+                first: 1,
+                apart: 3,
+                count: 20,
+            },
+            legs: [1.0, -2.0, 3.0, -1.0, 0.5, 0.0],
+            samples: 400,
+        }))?;
+        self.samples(500)?;
+        self.records(Request::Recording, 200)?;
+
+        self.done(&Request::Start)?;
+        self.until(|mode| mode != Mode::Starting, Mode::Closed)?;
+        self.done(&Request::Inject(Injection {
+            signal: Signal::Noise { seed: 3 },
+            legs: [5.0; 6],
+            samples: 2000,
+        }))?;
+        for k in 0..samples {
+            let burst = k % 10_000 < 1_000;
+            self.rig.floor_gain = if burst { ROUGH } else { 1.0 };
+            self.sample()?;
+        }
+        self.rig.floor_gain = 1.0;
+        if samples >= 10_000 && self.host.report().clamped == 0 {
+            return Err("the run was to hold clamped samples".into());
+        }
+
+        self.stuck = Some(5);
+        self.until(|mode| mode == Mode::Failed, Mode::Failed)?;
+        let fault = self.host.report().fault.map(|fault| fault.cause);
+        if fault != Some(Cause::Stuck(1 << 2)) {
+            return Err(format!("sensor 3 stuck was told as {fault:?}").into());
+        }
+        self.expect(&Request::Start, refused(Refusal::Mode))?;
+        self.records(Request::Snapshot, 64)?;
+        self.stuck = None;
+        self.done(&Request::Clear)?;
+        self.expect(&Request::Start, refused(Refusal::Mode))?;
+        self.done(&Request::SelfTest)?;
+        self.until(|mode| mode != Mode::Testing, Mode::Idle)?;
+        self.done(&Request::Start)?;
+        self.samples(2000)?;
+        self.done(&Request::Stop)?;
+        self.until(|mode| mode != Mode::Stopping, Mode::Idle)?;
+        self.expect(&Request::Report, |reply| matches!(reply, Reply::Report(_)))?;
+        Ok(())
+    }
+
+    fn sample(&mut self) -> Outcome<()> {
+        let mut adc = self.rig.sample();
+        if let Some(code) = self.stuck {
+            adc.sensors[2].0 = code;
+        }
+        let expected = self.host.on_sample(adc.into());
+        let dac = parse_reply(&self.board.exchange(&request(adc))?)?;
+        self.count.samples += 1;
+        self.count.equal += u32::from(dac == expected);
+        if dac != expected && self.count.samples - self.count.equal == 1 {
+            println!(
+                "{}: sample {}: {adc:?} gave {dac:?}, on the host {expected:?}",
+                self.name, self.count.samples
+            );
+        }
+        self.rig.advance(dac);
+        Ok(())
+    }
+
+    fn samples(&mut self, count: u32) -> Outcome<()> {
+        (0..count).try_for_each(|_| self.sample())
+    }
+
+    /// Runs on until the host's mode is one where `end` holds, which must be
+    /// `expected`.
+    fn until(&mut self, end: impl Fn(Mode) -> bool, expected: Mode) -> Outcome<()> {
+        for _ in 0..400_000 {
+            let mode = self.host.report().mode;
+            if end(mode) {
+                return if mode == expected {
+                    Ok(())
+                } else {
+                    let fault = self.host.report().fault;
+                    Err(format!("{mode:?} with {fault:?}, not {expected:?}").into())
+                };
+            }
+            self.sample()?;
+        }
+        Err(format!("{expected:?} did not come").into())
+    }
+
+    /// Asks both; their answers, byte by byte, are to be equal.
+    fn ask(&mut self, request: &Request) -> Outcome<Reply> {
+        self.sequence += 1;
+        let packet = Packet {
+            version: VERSION,
+            session: self.session,
+            sequence: self.sequence,
+            body: *request,
+        };
+        let frame = encode(&packet).ok_or("a request that is too long")?;
+        let reply = self.frames(&frame)?;
+        self.session = reply.session;
+        Ok(reply.body)
+    }
+
+    /// Sends bytes to both.
+    fn frames(&mut self, bytes: &[u8]) -> Outcome<Packet<Reply>> {
+        let mut cutter = Cutter::new();
+        let mut expected = None;
+        for byte in bytes {
+            if let Some(incoming) = cutter.push(*byte) {
+                expected = encode(&self.server.answer(incoming, &mut self.host));
+            }
+        }
+        let expected = expected.ok_or("a frame without an answer")?;
+        let found = self.board.talk(bytes)?;
+        self.count.answers += 1;
+        self.count.answers_equal += u32::from(found == expected[..]);
+        if found != expected[..] {
+            println!("{}: answered {found:?}, the host {expected:?}", self.name);
+        }
+        let mut cutter = Cutter::new();
+        let mut packets = found.iter().filter_map(|byte| cutter.push(*byte));
+        Ok(packets.next().ok_or("an answer without an end")??)
+    }
+
+    fn expect(&mut self, request: &Request, is: impl Fn(&Reply) -> bool) -> Outcome<()> {
+        let reply = self.ask(request)?;
+        if is(&reply) {
+            Ok(())
+        } else {
+            Err(format!("{request:?} was answered with {reply:?}").into())
+        }
+    }
+
+    fn done(&mut self, request: &Request) -> Outcome<()> {
+        self.expect(request, |reply| *reply == Reply::Done)
+    }
+
+    fn records(&mut self, request: fn(u32) -> Request, length: usize) -> Outcome<()> {
+        let mut from = 0;
+        loop {
+            match self.ask(&request(from))? {
+                Reply::Records(records) if records.is_empty() => break,
+                // At most the room.
+                Reply::Records(records) => from += records.len() as u32,
+                reply => return Err(format!("{reply:?} in place of records").into()),
+            }
+        }
+        if from as usize == length {
+            Ok(())
+        } else {
+            Err(format!("{from} records, not {length}").into())
+        }
+    }
+
+    /// A frame with a bit turned, an old one, and one of no session: each is
+    /// refused and changes nothing.
+    fn garbled(&mut self) -> Outcome<()> {
+        let before = self.host.report();
+        let packet = |session, sequence| {
+            encode(&Packet {
+                version: VERSION,
+                session,
+                sequence,
+                body: Request::SelfTest,
+            })
+            .ok_or("a request that is too long")
+        };
+        let mut bad = packet(self.session, self.sequence + 1)?;
+        bad[4] ^= 0x10;
+        let old = packet(self.session, self.sequence)?;
+        let other = packet(self.session ^ 2, self.sequence + 1)?;
+        for (frame, why) in [
+            (bad, Refusal::Frame),
+            (old, Refusal::Replayed),
+            (other, Refusal::Session),
+        ] {
+            let reply = self.frames(&frame)?.body;
+            if reply != Reply::Refused(why) {
+                return Err(format!("{reply:?}, not {why:?}").into());
+            }
+        }
+        if self.host.report() == before {
+            Ok(())
+        } else {
+            Err("a refused frame changed something".into())
+        }
+    }
+}
+
+/// An emulator with its UARTs on sockets.
 struct Emulated {
     process: Child,
-    line: UnixStream,
+    converters: UnixStream,
+    link: UnixStream,
 }
 
 impl Emulated {
     fn start(machine: &str, image: &Path) -> Outcome<Self> {
         let folder = tempfile::tempdir()?;
-        let socket = folder.path().join("uart");
-        let listener = UnixListener::bind(&socket)?;
-        listener.set_nonblocking(true)?;
-        let mut process = Command::new("qemu-system-arm")
+        let sockets = ["converters", "link"].map(|name| folder.path().join(name));
+        let mut listeners = Vec::new();
+        for socket in &sockets {
+            let listener = UnixListener::bind(socket)?;
+            listener.set_nonblocking(true)?;
+            listeners.push(listener);
+        }
+        let mut command = Command::new("qemu-system-arm");
+        command
             .args(["-M", machine, "-display", "none", "-monitor", "none"])
-            .args(["-semihosting-config", "enable=on,target=native"])
-            .arg("-serial")
-            .arg(format!("unix:{}", socket.display()))
+            .args(["-semihosting-config", "enable=on,target=native"]);
+        for socket in &sockets {
+            command
+                .arg("-serial")
+                .arg(format!("unix:{}", socket.display()));
+        }
+        let mut process = command
             .arg("-kernel")
             .arg(image)
             .stdin(Stdio::null())
             .spawn()?;
-        let start = Instant::now();
-        let line = loop {
-            match listener.accept() {
-                Ok((line, _)) => break line,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-                Err(error) => return Err(error.into()),
-            }
-            if let Some(status) = process.try_wait()? {
-                return Err(format!("the emulator ended at once ({status})").into());
-            }
-            if start.elapsed() > SILENCE {
-                process.kill()?;
-                return Err("the emulator did not connect its UART".into());
-            }
-            thread::sleep(Duration::from_millis(5));
+        let mut lines = Vec::new();
+        for listener in &listeners {
+            lines.push(accept(listener, &mut process)?);
+        }
+        let (Some(link), Some(converters)) = (lines.pop(), lines.pop()) else {
+            return Err("a board has two lines".into());
         };
-        line.set_nonblocking(false)?;
-        line.set_read_timeout(Some(SILENCE))?;
-        Ok(Self { process, line })
+        Ok(Self {
+            process,
+            converters,
+            link,
+        })
     }
 
     fn exchange(&mut self, request: &[u8; REQUEST]) -> Outcome<[u8; REPLY]> {
-        self.line.write_all(request)?;
+        self.converters.write_all(request)?;
         let mut reply = [0; REPLY];
-        self.line
+        self.converters
             .read_exact(&mut reply)
             .map_err(|error| format!("the board does not answer: {error}"))?;
         Ok(reply)
     }
+
+    /// Sends a frame over the link and waits for one.
+    fn talk(&mut self, frame: &[u8]) -> Outcome<Vec<u8>> {
+        self.link.write_all(frame)?;
+        let mut answer = Vec::new();
+        let mut byte = [1];
+        while byte != [0] {
+            self.link
+                .read_exact(&mut byte)
+                .map_err(|error| format!("the link does not answer: {error}"))?;
+            answer.push(byte[0]);
+        }
+        Ok(answer)
+    }
+}
+
+fn accept(listener: &UnixListener, process: &mut Child) -> Outcome<UnixStream> {
+    let start = Instant::now();
+    let line = loop {
+        match listener.accept() {
+            Ok((line, _)) => break line,
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error.into()),
+        }
+        if let Some(status) = process.try_wait()? {
+            return Err(format!("the emulator ended at once ({status})").into());
+        }
+        if start.elapsed() > SILENCE {
+            process.kill()?;
+            return Err("the emulator did not connect its UARTs".into());
+        }
+        thread::sleep(Duration::from_millis(5));
+    };
+    line.set_nonblocking(false)?;
+    line.set_read_timeout(Some(SILENCE))?;
+    Ok(line)
 }
 
 impl Drop for Emulated {

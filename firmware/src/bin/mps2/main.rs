@@ -7,9 +7,9 @@
 mod board;
 
 use cortex_m_rt::entry;
-use firmware::tables::metrology_frame;
+use firmware::tables;
 
 #[entry]
 fn main() -> ! {
-    board::run(&metrology_frame::TABLE)
+    board::run(&tables::ALL[0])
 }

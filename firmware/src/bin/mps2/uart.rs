@@ -1,11 +1,8 @@
-//! UART 0 of the MPS2 board, Arm's CMSDK APB UART (Cortex-M System Design Kit
-//! technical reference manual, section 4.3).
+//! UARTs 0 and 1 of the MPS2 board, Arm's CMSDK APB UART (Cortex-M System Design
+//! Kit technical reference manual, section 4.3).
 
-use cortex_m::asm;
-use cortex_m::interrupt::{self, InterruptNumber};
-use cortex_m::peripheral::NVIC;
+use cortex_m::interrupt::InterruptNumber;
 
-const BASE: usize = 0x4000_4000;
 const DATA: usize = 0x00;
 const STATE: usize = 0x04;
 const CONTROL: usize = 0x08;
@@ -21,70 +18,103 @@ const ENABLE: u32 = 0b1011;
 /// The smallest the hardware accepts.
 const FASTEST: u32 = 16;
 
-/// The receiver's interrupt.
+/// A receiver's interrupt.
 #[derive(Clone, Copy)]
-struct ReceiveInterrupt;
+pub struct ReceiveInterrupt(pub i16);
 
-// SAFETY: number 0 is UART 0's receiver on both boards (Arm application notes
-// 386 and 500, interrupt assignments), within the NVIC's range.
+// SAFETY: only the two below are made, 0 and 2: the receivers of UARTs 0 and 1 on
+// both boards (Arm application notes 386 and 500, interrupt assignments), within
+// the NVIC's range.
 unsafe impl InterruptNumber for ReceiveInterrupt {
     fn number(self) -> u16 {
-        0
+        self.0.cast_unsigned()
     }
 }
 
-/// The only handle to UART 0.
-pub struct Uart(());
+/// Where a UART is.
+#[derive(Clone, Copy)]
+pub struct Uart {
+    base: usize,
+    /// Of its receiver.
+    pub interrupt: ReceiveInterrupt,
+}
+
+/// In place of converters.
+pub const CONVERTERS: Uart = Uart {
+    base: 0x4000_4000,
+    interrupt: ReceiveInterrupt(0),
+};
+
+/// The link.
+pub const LINK: Uart = Uart {
+    base: 0x4000_5000,
+    interrupt: ReceiveInterrupt(2),
+};
+
+/// A UART's sending half.
+pub struct Send(Uart);
+
+/// Its receiving half.
+pub struct Receive(Uart);
+
+/// Both.
+pub struct Line {
+    /// Out.
+    pub send: Send,
+    /// In.
+    pub receive: Receive,
+}
 
 impl Uart {
-    /// Switches the UART on. Call once.
-    ///
-    /// Interrupts are masked from here on: a received byte wakes the processor
-    /// from its sleep and no handler runs.
-    pub fn take() -> Self {
-        interrupt::disable();
-        let uart = Self(());
-        uart.set(BAUD_DIVISOR, FASTEST);
-        uart.set(CONTROL, ENABLE);
-        // SAFETY: there is no handler that the mask would protect anything
-        // from, and PRIMASK is set.
-        unsafe { NVIC::unmask(ReceiveInterrupt) };
-        uart
-    }
-
-    /// Waits for as many bytes as `bytes` holds.
-    pub fn read(&mut self, bytes: &mut [u8]) {
-        for byte in bytes {
-            // Asleep, not polling: the emulator then has the host's core for
-            // the line.
-            while self.get(STATE) & RECEIVE_FULL == 0 {
-                asm::wfi();
-                self.set(INTERRUPT, RECEIVED);
-                NVIC::unpend(ReceiveInterrupt);
-            }
-            // The register holds one byte.
-            *byte = self.get(DATA) as u8;
+    /// Switches it on. Call once.
+    pub fn open(self) -> Line {
+        self.set(BAUD_DIVISOR, FASTEST);
+        self.set(CONTROL, ENABLE);
+        Line {
+            send: Send(self),
+            receive: Receive(self),
         }
     }
 
+    fn get(self, register: usize) -> u32 {
+        // SAFETY: an aligned register of a peripheral that both emulated boards
+        // have at this address. Reading takes a byte out at the most, which only
+        // the receiving half does.
+        unsafe { core::ptr::with_exposed_provenance::<u32>(self.base + register).read_volatile() }
+    }
+
+    fn set(self, register: usize, value: u32) {
+        // SAFETY: as in `get`; the data register is written by the sending half
+        // alone, the interrupt by the receiving half.
+        unsafe {
+            core::ptr::with_exposed_provenance_mut::<u32>(self.base + register)
+                .write_volatile(value);
+        }
+    }
+}
+
+impl Line {
+    /// Apart.
+    pub fn split(self) -> (Send, Receive) {
+        (self.send, self.receive)
+    }
+}
+
+impl Send {
     /// Sends all of `bytes`.
     pub fn write(&mut self, bytes: &[u8]) {
         for byte in bytes {
-            while self.get(STATE) & TRANSMIT_FULL != 0 {}
-            self.set(DATA, u32::from(*byte));
+            while self.0.get(STATE) & TRANSMIT_FULL != 0 {}
+            self.0.set(DATA, u32::from(*byte));
         }
     }
+}
 
-    fn get(&self, register: usize) -> u32 {
-        // SAFETY: an aligned register of a peripheral that both emulated
-        // boards have at this address; `self` is its only user.
-        unsafe { core::ptr::with_exposed_provenance::<u32>(BASE + register).read_volatile() }
-    }
-
-    fn set(&self, register: usize, value: u32) {
-        // SAFETY: as in `get`.
-        unsafe {
-            core::ptr::with_exposed_provenance_mut::<u32>(BASE + register).write_volatile(value);
-        }
+impl Receive {
+    /// The byte that has come, if any. Its interrupt is cleared.
+    pub fn read(&mut self) -> Option<u8> {
+        self.0.set(INTERRUPT, RECEIVED);
+        // The register holds one byte.
+        (self.0.get(STATE) & RECEIVE_FULL != 0).then(|| self.0.get(DATA) as u8)
     }
 }

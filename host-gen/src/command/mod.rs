@@ -1,0 +1,4 @@
+//! Commands that talk to a board.
+
+pub mod link;
+pub mod sil;

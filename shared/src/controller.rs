@@ -1,0 +1,573 @@
+//! The whole controller of a board: table, step, supervisor, injection, recorder.
+//! One call a sample, and requests in between.
+
+use heapless::{Deque, HistoryBuf};
+use serde::{Deserialize, Serialize};
+
+use crate::LEGS;
+use crate::codes::{DacCode, LegForces, Samples};
+use crate::injection::{Injection, Injector};
+use crate::recorder::{Record, Recorded, Recorder, Recording};
+use crate::self_test::{Probe, Progress};
+use crate::step::{Demand, Output, State, Status, rest, step};
+use crate::supervisor::{Cause, Event, Fault, GENTLE, Mode, QUIET};
+use crate::table::{ModelDigest, ValidTable};
+use crate::watch::Watch;
+
+/// What a board has of one sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// The codes; none if the converters' bus failed.
+    pub samples: Option<Samples>,
+    /// Whether the outputs of the sample before were latched late.
+    pub late: bool,
+}
+
+impl From<Samples> for Reading {
+    /// All is well.
+    fn from(samples: Samples) -> Self {
+        Self {
+            samples: Some(samples),
+            late: false,
+        }
+    }
+}
+
+/// How things stand.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Samples since power came.
+    pub at: u64,
+    /// Mode.
+    pub mode: Mode,
+    /// The part of the law's force that is given.
+    pub gain: f32,
+    /// The part that is aimed at.
+    pub target: f32,
+    /// The latched fault.
+    pub fault: Option<Fault>,
+    /// Samples of the injection still to come.
+    pub injecting: u32,
+    /// The first sample of the last injection, since power came.
+    pub injected: u64,
+    /// The recording.
+    pub recorded: Recorded,
+    /// Samples clamped while the loop had a part, since power came.
+    pub clamped: u32,
+    /// Deadlines missed since power came.
+    pub late: u32,
+    /// Samples not read since power came.
+    pub lost: u32,
+    /// Telemetry that found no room since power came.
+    pub dropped: u32,
+}
+
+/// What a table is known by.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    /// The table's layout.
+    pub format: u16,
+    /// The machine description it was made from.
+    pub model: ModelDigest,
+    /// Its checksum.
+    pub checksum: u32,
+    /// Hz.
+    pub sample_rate: f32,
+    /// Records that the recorder has room for.
+    pub room: u32,
+}
+
+/// One sample out of many, live.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Telemetry {
+    /// Its number since power came.
+    pub at: u64,
+    /// Mode.
+    pub mode: Mode,
+    /// Gain.
+    pub gain: f32,
+    /// The sample.
+    pub record: Record,
+    /// What the step saw.
+    pub status: Status,
+}
+
+/// Why a request changes nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// Not in this mode.
+    Mode,
+    /// A number is outside its limits.
+    Range,
+    /// A frame that is none: its length, its checksum or what is in it.
+    Frame,
+    /// A frame of another version of the link.
+    Version,
+    /// A frame of another session.
+    Session,
+    /// A frame that is no newer than one before it.
+    Replayed,
+}
+
+/// Samples kept from before a fault.
+pub const SNAPSHOT: usize = 64;
+
+/// A leg that pushes with more than this part of its limit turns a soft start
+/// back.
+const HARD: f32 = 0.5;
+
+/// Telemetry that waits to be sent.
+const WAITING: usize = 8;
+
+/// A controller with memory for its recorder.
+#[derive(Debug)]
+pub struct Controller<'a> {
+    table: ValidTable,
+    checksum: u32,
+    at: u64,
+    mode: Mode,
+    /// None until the first sample has settled the AC coupling.
+    state: Option<State>,
+    gain: f32,
+    fade: f32,
+    /// Samples that a soft start has waited, and the sums of their codes.
+    settling: (u32, [i64; LEGS]),
+    target: f32,
+    dac: [DacCode; LEGS],
+    samples: Samples,
+    watch: Watch,
+    probe: Probe,
+    injector: Option<Injector>,
+    injection_begins: bool,
+    injecting: u32,
+    injected: u64,
+    fault: Option<Fault>,
+    /// The outputs at the fault, and samples since.
+    failing: ([DacCode; LEGS], u32),
+    snapshot: HistoryBuf<Record, SNAPSHOT>,
+    recorder: Recorder<'a>,
+    every: u32,
+    telemetry: Deque<Telemetry, WAITING>,
+    clamped: u32,
+    late: u32,
+    lost: u32,
+    dropped: u32,
+}
+
+impl<'a> Controller<'a> {
+    /// For `table`, whose checksum was `checksum` when it was made: if it is not
+    /// now, the controller begins with that fault. `room` is the recorder's.
+    pub fn new(table: ValidTable, checksum: u32, room: &'a mut [Record]) -> Self {
+        let dac = table.safe_codes();
+        let mut controller = Self {
+            table,
+            checksum,
+            at: 0,
+            mode: Mode::Untested,
+            state: None,
+            gain: 0.0,
+            fade: 0.0,
+            settling: (0, [0; LEGS]),
+            target: 1.0,
+            dac,
+            samples: Samples::NONE,
+            watch: Watch::NEW,
+            probe: Probe::new(),
+            injector: None,
+            injection_begins: false,
+            injecting: 0,
+            injected: 0,
+            fault: None,
+            failing: (dac, 0),
+            snapshot: HistoryBuf::new(),
+            recorder: Recorder::new(room),
+            every: 0,
+            telemetry: Deque::new(),
+            clamped: 0,
+            late: 0,
+            lost: 0,
+            dropped: 0,
+        };
+        if table.checksum() != checksum {
+            controller.table_changed();
+        }
+        controller
+    }
+
+    /// The table that runs. A board copies it now and then and compares its
+    /// checksum with [`Identity::checksum`]; that takes as long as some tens of
+    /// samples, so neither in the loop nor while the loop waits.
+    pub fn table(&self) -> &ValidTable {
+        &self.table
+    }
+
+    /// The table is not what it was when it was made.
+    pub fn table_changed(&mut self) {
+        self.fail(Cause::Table);
+    }
+
+    /// One sample: the codes to latch.
+    pub fn on_sample(&mut self, reading: Reading) -> [DacCode; LEGS] {
+        let was_fault = self.mode.is_fault();
+        self.late = self.late.saturating_add(u32::from(reading.late));
+        let status = match reading.samples {
+            Some(samples) => {
+                self.samples = samples;
+                self.sampled(samples, reading.late)
+            }
+            // The outputs stay where they are; a fault goes on.
+            None => {
+                self.lost = self.lost.saturating_add(1);
+                if let Some(cause) = self.watch.lost(&self.table) {
+                    self.fail(cause);
+                }
+                Status::NOTHING
+            }
+        };
+        if self.mode.is_fault() {
+            self.dac = self.fall();
+        }
+        let record = Record {
+            adc: self.samples,
+            dac: self.dac,
+        };
+        let fault = self.mode.is_fault() && !was_fault;
+        if !was_fault {
+            self.snapshot.write(record);
+        }
+        let injection = core::mem::take(&mut self.injection_begins);
+        self.recorder.push(self.at, record, fault, injection);
+        if self.every > 0 && self.at.is_multiple_of(self.every.into()) {
+            let telemetry = Telemetry {
+                at: self.at,
+                mode: self.mode,
+                gain: self.gain * self.fade,
+                record,
+                status,
+            };
+            if self.telemetry.push_back(telemetry).is_err() {
+                self.dropped = self.dropped.saturating_add(1);
+            }
+        }
+        self.at += 1;
+        self.dac
+    }
+
+    /// A sample that was read.
+    fn sampled(&mut self, samples: Samples, late: bool) -> Status {
+        let mut state = *self
+            .state
+            .get_or_insert_with(|| State::settled_on(&self.table, samples));
+        let output = self.drive(&mut state, samples);
+        self.state = Some(state);
+        let seen = (output.dac, output.status);
+        let cause = self.watch.see(&self.table, self.mode, samples, seen, late);
+        if self.mode.is_loop() && output.status.clamped {
+            self.clamped = self.clamped.saturating_add(1);
+        }
+        match cause {
+            // What the step gave is not given.
+            Some(cause) => self.fail(cause),
+            None if !self.mode.is_fault() => self.dac = output.dac,
+            None => {}
+        }
+        output.status
+    }
+
+    /// What the mode has the legs do.
+    fn drive(&mut self, state: &mut State, samples: Samples) -> Output {
+        match self.mode {
+            Mode::Starting | Mode::Closed | Mode::Stopping => {
+                let length = self.table.get().supervision.settle;
+                let was = self.settling.0;
+                self.move_gain();
+                let (count, sums) = self.settling;
+                if count != was && count == length.saturating_mul(2) {
+                    state.settle(&self.table, sums, length);
+                }
+                let demand = Demand {
+                    gain: self.gain,
+                    fade: self.fade,
+                    injection: self.inject(),
+                };
+                step(&self.table, state, samples, demand)
+            }
+            Mode::Testing => {
+                let push = match self.probe.advance(self.table.get(), samples) {
+                    Progress::Push(push) => push,
+                    Progress::Passed => {
+                        self.change(Event::Passed);
+                        LegForces::ZERO
+                    }
+                    Progress::Failed(cause) => {
+                        self.fail(cause);
+                        LegForces::ZERO
+                    }
+                };
+                rest(&self.table, state, samples, push)
+            }
+            Mode::Idle => {
+                let injection = self.inject();
+                rest(&self.table, state, samples, injection)
+            }
+            Mode::Untested | Mode::Failing | Mode::Failed => {
+                rest(&self.table, state, samples, LegForces::ZERO)
+            }
+        }
+    }
+
+    /// The gain goes towards its target by a factor a sample; on a soft start it
+    /// goes back while the legs push hard, until what makes them do so has died
+    /// out. A
+    /// soft stop takes the force away, whatever the law's integrals hold.
+    fn move_gain(&mut self) {
+        let ramp = self.table.get().supervision.ramp;
+        if self.mode == Mode::Stopping {
+            self.fade /= ramp;
+            if self.fade < GENTLE {
+                self.fade = 0.0;
+                self.change(Event::Ramped);
+            }
+            return;
+        }
+        let target = self.target;
+        if self.mode == Mode::Starting && self.gain >= QUIET && self.is_settling() {
+            return;
+        }
+        if self.gain > target {
+            self.gain = (self.gain / ramp).max(target);
+        } else if self.mode == Mode::Starting && self.push() > HARD {
+            self.gain = (self.gain / ramp).max(GENTLE);
+        } else {
+            self.gain = (self.gain * ramp).max(GENTLE).min(target);
+        }
+        if self.gain == target && self.mode == Mode::Starting {
+            self.change(Event::Ramped);
+        }
+    }
+
+    /// Whether a soft start still waits for the machine to come to rest. At the end
+    /// the AC coupling is settled on what the sensors then showed.
+    fn is_settling(&mut self) -> bool {
+        let length = self.table.get().supervision.settle;
+        let (count, sums) = &mut self.settling;
+        if *count >= length.saturating_mul(2) {
+            return false;
+        }
+        *count += 1;
+        if *count > length {
+            for (sum, code) in sums.iter_mut().zip(self.samples.sensors) {
+                *sum += i64::from(code.0);
+            }
+        }
+        true
+    }
+
+    /// The largest force of any leg, of its limit.
+    fn push(&self) -> f32 {
+        let legs = self.table.get().actuators.iter().zip(self.dac);
+        legs.map(|(drive, code)| {
+            let stroke = drive.gain * drive.limit;
+            ((f32::from(code.0) - drive.zero) / stroke).abs()
+        })
+        .fold(0.0, f32::max)
+    }
+
+    fn inject(&mut self) -> LegForces {
+        let Some(injector) = &mut self.injector else {
+            return LegForces::ZERO;
+        };
+        match injector.advance() {
+            Some(forces) => {
+                self.injecting = self.injecting.saturating_sub(1);
+                forces
+            }
+            None => {
+                self.injector = None;
+                LegForces::ZERO
+            }
+        }
+    }
+
+    /// The codes on the way from where they were at the fault to safe.
+    fn fall(&mut self) -> [DacCode; LEGS] {
+        let safe = self.table.safe_codes();
+        let (from, since) = &mut self.failing;
+        let whole = self.table.get().supervision.safe_ramp;
+        if self.mode == Mode::Failed {
+            return safe;
+        }
+        *since = since.saturating_add(1);
+        let left = i64::from(whole.saturating_sub(*since));
+        let whole = i64::from(whole.max(1));
+        let codes = core::array::from_fn(|i| {
+            let (from, safe) = (i64::from(from[i].0), i64::from(safe[i].0));
+            // Between two codes: fits.
+            DacCode((safe + (from - safe) * left / whole) as u16)
+        });
+        if left == 0 {
+            self.change(Event::Ramped);
+        }
+        codes
+    }
+
+    fn fail(&mut self, cause: Cause) {
+        if self.change(Event::Fault) {
+            self.fault = Some(Fault { cause, at: self.at });
+            self.failing = (self.dac, 0);
+            self.stop_injection();
+        }
+    }
+
+    fn stop_injection(&mut self) {
+        self.injector = None;
+        self.injecting = 0;
+    }
+
+    /// Whether the event changed, or may be repeated in, the mode.
+    fn change(&mut self, event: Event) -> bool {
+        let Some(next) = self.mode.after(event) else {
+            return false;
+        };
+        if next == Mode::Starting {
+            (self.gain, self.fade) = (0.0, 1.0);
+            self.settling = (0, [0; LEGS]);
+            // The law begins at rest; AC coupling goes on.
+            if let Some(state) = &mut self.state {
+                state.start();
+            }
+        }
+        if next == Mode::Testing {
+            self.probe = Probe::new();
+        }
+        if !next.is_loop() {
+            (self.gain, self.fade) = (0.0, 0.0);
+        }
+        self.mode = next;
+        true
+    }
+
+    /// A request for an event of the supervisor.
+    ///
+    /// # Errors
+    /// Where the mode does not have it.
+    pub fn ask(&mut self, event: Event) -> Result<(), Refusal> {
+        let asked = matches!(
+            event,
+            Event::SelfTest | Event::Start | Event::Stop | Event::Clear
+        );
+        if !asked || !self.change(event) {
+            return Err(Refusal::Mode);
+        }
+        self.stop_injection();
+        if event == Event::Clear {
+            self.fault = None;
+            self.snapshot.clear();
+            self.watch = Watch::NEW;
+        }
+        Ok(())
+    }
+
+    /// Sets the gain that is aimed at, above 0 and up to 1.
+    ///
+    /// # Errors
+    /// Where it is not.
+    pub fn set_gain(&mut self, gain: f32) -> Result<(), Refusal> {
+        if !(gain > 0.0 && gain <= 1.0) {
+            return Err(Refusal::Range);
+        }
+        self.target = gain;
+        Ok(())
+    }
+
+    /// Begins an injection, in place of one under way: with the loop closed or
+    /// open, not on the way between.
+    ///
+    /// # Errors
+    /// Where the mode does not have it or it is not within the table's limits.
+    pub fn start_injection(&mut self, injection: Injection) -> Result<(), Refusal> {
+        if !matches!(self.mode, Mode::Idle | Mode::Closed) {
+            return Err(Refusal::Mode);
+        }
+        if !injection.is_within(&self.table) {
+            return Err(Refusal::Range);
+        }
+        self.injector = Some(Injector::new(&self.table, injection));
+        self.injecting = injection.samples;
+        self.injected = self.at;
+        self.injection_begins = true;
+        Ok(())
+    }
+
+    /// Arms the recorder.
+    ///
+    /// # Errors
+    /// Where there is no room or no such sensor.
+    pub fn arm(&mut self, recording: Recording) -> Result<(), Refusal> {
+        if self.recorder.arm(recording) {
+            Ok(())
+        } else {
+            Err(Refusal::Range)
+        }
+    }
+
+    /// Every so many samples one is put by for the link; 0 for none.
+    pub fn set_telemetry(&mut self, every: u32) {
+        self.every = every;
+        self.telemetry.clear();
+    }
+
+    /// The oldest telemetry that waits.
+    pub fn telemetry(&mut self) -> Option<Telemetry> {
+        self.telemetry.pop_front()
+    }
+
+    /// A good frame came over the link.
+    pub fn heard(&mut self) {
+        self.watch.heard();
+    }
+
+    /// Record `index` of a finished recording.
+    pub fn recording(&self, index: usize) -> Option<&Record> {
+        self.recorder.get(index)
+    }
+
+    /// Record `index` of the samples before the latched fault, the oldest first.
+    pub fn snapshot(&self, index: usize) -> Option<&Record> {
+        self.fault?;
+        let (old, new) = self.snapshot.as_slices();
+        old.get(index)
+            .or_else(|| new.get(index.checked_sub(old.len())?))
+    }
+
+    /// How things stand.
+    pub fn report(&self) -> Report {
+        Report {
+            at: self.at,
+            mode: self.mode,
+            gain: self.gain * self.fade,
+            target: self.target,
+            fault: self.fault,
+            injecting: self.injecting,
+            injected: self.injected,
+            recorded: self.recorder.recorded(),
+            clamped: self.clamped,
+            late: self.late,
+            lost: self.lost,
+            dropped: self.dropped,
+        }
+    }
+
+    /// What runs here.
+    pub fn identity(&self) -> Identity {
+        let table = self.table.get();
+        Identity {
+            format: table.version,
+            model: table.model,
+            checksum: self.checksum,
+            sample_rate: table.sample_rate,
+            // Memory is far smaller.
+            room: self.recorder.room() as u32,
+        }
+    }
+}

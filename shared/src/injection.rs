@@ -1,0 +1,227 @@
+//! Test signals that are added to the leg forces before the clamp.
+//!
+//! Phases are counted in 2³² parts of a turn, so a frequency is exact and a sine
+//! does not drift however long it lasts; all else is `f32`, the same to the bit
+//! on a host and a board.
+
+use serde::{Deserialize, Serialize};
+
+use crate::LEGS;
+use crate::codes::LegForces;
+use crate::table::ValidTable;
+
+/// The most sines in a multisine.
+pub const LINES: u32 = 64;
+
+/// The longest injection, samples: ten minutes at 20 kHz.
+pub const LONGEST: u32 = 12_000_000;
+
+/// A signal in time, of size 1 but for a multisine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Signal {
+    /// One sine.
+    Sine {
+        /// Hz.
+        hz: f32,
+    },
+    /// A sine whose frequency moves in a straight line.
+    Sweep {
+        /// At the start, Hz.
+        from: f32,
+        /// At the end, Hz.
+        to: f32,
+    },
+    /// `count` sines of size 1 at (first + k·apart)/period per sample, with
+    /// Schroeder's phases, which keep their sum low.
+    Multisine {
+        /// Samples after which all repeats.
+        period: u32,
+        /// The first sine's turns in a period.
+        first: u32,
+        /// Turns from one sine to the next.
+        apart: u32,
+        /// How many, up to [`LINES`].
+        count: u32,
+    },
+    /// White, even between −1 and 1.
+    Noise {
+        /// The same seed gives the same noise.
+        seed: u32,
+    },
+}
+
+/// What to inject.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Injection {
+    /// The signal.
+    pub signal: Signal,
+    /// Its size in each leg, N, positive as a push.
+    pub legs: [f32; LEGS],
+    /// How long, samples.
+    pub samples: u32,
+}
+
+impl Injection {
+    /// Whether it stays within the table's limits: lengths, frequencies up to half
+    /// the sample rate, and at no moment more than a leg may push.
+    pub fn is_within(&self, table: &ValidTable) -> bool {
+        let table = table.get();
+        let highest = 0.5 * table.sample_rate;
+        let frequency = |hz: f32| hz > 0.0 && hz <= highest;
+        let (signal, peak) = match self.signal {
+            Signal::Sine { hz } => (frequency(hz), 1.0),
+            Signal::Sweep { from, to } => (frequency(from) && frequency(to), 1.0),
+            Signal::Multisine {
+                period,
+                first,
+                apart,
+                count,
+            } => {
+                let last = u64::from(first) + u64::from(apart) * u64::from(count.saturating_sub(1));
+                let good = (1..=LINES).contains(&count)
+                    && first > 0
+                    && (count == 1 || apart > 0)
+                    && 2 * last <= u64::from(period);
+                (good, count as f32)
+            }
+            Signal::Noise { .. } => (true, 1.0),
+        };
+        let sizes = self.legs.iter().zip(&table.actuators);
+        // A NaN is within nothing.
+        let mut within = sizes.map(|(size, drive)| size.abs() * peak <= drive.limit);
+        signal && within.all(|within| within) && (1..=LONGEST).contains(&self.samples)
+    }
+}
+
+/// An injection under way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Injector {
+    injection: Injection,
+    /// Of the next sample, from 0.
+    at: u32,
+    /// Of a sine or sweep; the state of the noise.
+    phase: u32,
+    /// A sine's or sweep's phase step now, and what a sweep adds to it, in 2³²
+    /// parts of it.
+    step: u64,
+    slope: i64,
+}
+
+impl Injector {
+    /// From its first sample on, under `table`.
+    pub fn new(table: &ValidTable, injection: Injection) -> Self {
+        let rate = table.get().sample_rate;
+        // Up to half a turn.
+        let step = |hz: f32| phase_step(hz, rate);
+        let (phase, from, to) = match injection.signal {
+            Signal::Sine { hz } => (0, step(hz), step(hz)),
+            Signal::Sweep { from, to } => (0, step(from), step(to)),
+            Signal::Multisine { .. } => (0, 0, 0),
+            // The generator's state must not be zero.
+            Signal::Noise { seed } => (seed.wrapping_mul(0x9E37_79B9) | 1, 0, 0),
+        };
+        let change = (i64::from(to) - i64::from(from)) << 32;
+        Self {
+            injection,
+            at: 0,
+            phase,
+            step: u64::from(from) << 32,
+            slope: change / i64::from(injection.samples.max(1)),
+        }
+    }
+
+    /// The next sample's forces; none when it is over.
+    pub fn advance(&mut self) -> Option<LegForces> {
+        if self.at >= self.injection.samples {
+            return None;
+        }
+        let value = match self.injection.signal {
+            Signal::Sine { .. } | Signal::Sweep { .. } => {
+                let value = sine(self.phase);
+                self.phase = self.phase.wrapping_add((self.step >> 32) as u32);
+                self.step = self.step.wrapping_add_signed(self.slope);
+                value
+            }
+            Signal::Multisine {
+                period,
+                first,
+                apart,
+                count,
+            } => multisine(self.at, period, first, apart, count),
+            Signal::Noise { .. } => {
+                // Marsaglia's xorshift with shifts 13, 17, 5.
+                let mut x = self.phase;
+                x ^= x << 13;
+                x ^= x >> 17;
+                x ^= x << 5;
+                self.phase = x;
+                // Its upper 24 bits fit an f32.
+                (x >> 8) as f32 / 8_388_608.0 - 1.0
+            }
+        };
+        self.at += 1;
+        Some(LegForces(self.injection.legs.map(|size| size * value)))
+    }
+}
+
+/// Turns per sample, in 2³² parts.
+pub fn phase_step(hz: f32, rate: f32) -> u32 {
+    // A cast holds what does not fit at the ends.
+    (hz / rate * 4_294_967_296.0) as u32
+}
+
+fn multisine(at: u32, period: u32, first: u32, apart: u32, count: u32) -> f32 {
+    let period = u64::from(period.max(1));
+    let turn = |parts: u64, of: u64| (((parts % of) << 32) / of) as u32;
+    let mut sum = 0.0;
+    for k in 0..count.min(LINES) {
+        let turns = u64::from(first) + u64::from(k) * u64::from(apart);
+        // Schroeder: −π·k²/N, here as turns back.
+        let schroeder = turn(u64::from(k) * u64::from(k), 2 * u64::from(count.max(1)));
+        let phase = turn(turns * (u64::from(at) % period), period);
+        sum += sine(phase.wrapping_sub(schroeder));
+    }
+    sum
+}
+
+/// sin(2π·phase/2³²), to 2e-7.
+pub fn sine(phase: u32) -> f32 {
+    // Signed turns, −½ to ½, folded to −¼ to ¼.
+    let mut x = phase.cast_signed();
+    if !(-0x4000_0000..=0x4000_0000).contains(&x) {
+        x = 0x8000_0000_u32.wrapping_sub(phase).cast_signed();
+    }
+    let x = x as f32 * (core::f32::consts::TAU / 4_294_967_296.0);
+    // Taylor's series to x¹¹, whose rest at π/2 is 6e-8.
+    let square = x * x;
+    let terms = [
+        -1.0 / 39_916_800.0,
+        1.0 / 362_880.0,
+        -1.0 / 5_040.0,
+        1.0 / 120.0,
+        -1.0 / 6.0,
+    ];
+    let mut sum = 0.0;
+    for term in terms {
+        sum = sum * square + term;
+    }
+    x + x * square * sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sine_is_a_sine() {
+        for k in 0..100_000u32 {
+            let phase = k.wrapping_mul(42_949).wrapping_add(k);
+            let expected = (f64::from(phase) / 4_294_967_296.0 * core::f64::consts::TAU).sin();
+            let error = (f64::from(sine(phase)) - expected).abs();
+            assert!(error < 3e-7, "{phase:#x}: {error:e}");
+        }
+        for (phase, value) in [(0, 0.0), (1 << 30, 1.0), (1 << 31, 0.0), (3 << 30, -1.0)] {
+            assert!((sine(phase) - value).abs() < 1e-6, "{phase:#x}");
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! The monitors: what is wrong with sensors, outputs and the board.
+
+use crate::LEGS;
+use crate::codes::{AdcCode, DacCode, Samples};
+use crate::step::Status;
+use crate::supervisor::{Cause, Mode};
+use crate::table::{Table, ValidTable};
+
+/// Sensors of both kinds.
+const SENSORS: usize = 2 * LEGS;
+
+/// What the monitors remember.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Watch {
+    rail: [u32; SENSORS],
+    still: [u32; SENSORS],
+    before: [AdcCode; SENSORS],
+    lost: u32,
+    saturated: u32,
+    silence: u32,
+    window: Window,
+    /// Windows in a row in which a sensor was strange.
+    strange: [u32; SENSORS],
+    /// Variance of the forces in the window before, of their limits.
+    power: f32,
+    grown: u32,
+}
+
+/// Sums over a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Window {
+    count: u32,
+    late: u32,
+    /// The sensors' codes at its start, from which the sums count.
+    origin: [AdcCode; SENSORS],
+    sums: [i64; SENSORS],
+    squares: [i64; SENSORS],
+    /// The outputs at its start, and sums and squares from there, codes.
+    start: [DacCode; LEGS],
+    forces: [(f32, f32); LEGS],
+}
+
+impl Window {
+    const EMPTY: Self = Self {
+        count: 0,
+        late: 0,
+        origin: [AdcCode(0); SENSORS],
+        sums: [0; SENSORS],
+        squares: [0; SENSORS],
+        start: [DacCode(0); LEGS],
+        forces: [(0.0, 0.0); LEGS],
+    };
+}
+
+/// A table's sensors in one row: six, and the six beside them if there are any.
+fn in_row(samples: Samples) -> [AdcCode; SENSORS] {
+    let mut row = [AdcCode(0); SENSORS];
+    let both = samples.sensors.iter().chain(&samples.forces);
+    for (slot, code) in row.iter_mut().zip(both) {
+        *slot = *code;
+    }
+    row
+}
+
+fn count(table: &Table) -> usize {
+    if table.complement().is_some() {
+        SENSORS
+    } else {
+        LEGS
+    }
+}
+
+/// Bit i where `is(i)`, of the sensors that the table has.
+fn mask(table: &Table, is: impl Fn(usize) -> bool) -> Option<u16> {
+    let mut bits = 0;
+    for i in 0..count(table) {
+        if is(i) {
+            bits |= 1 << i;
+        }
+    }
+    (bits != 0).then_some(bits)
+}
+
+impl Watch {
+    /// With nothing seen yet.
+    pub const NEW: Self = Self {
+        rail: [0; SENSORS],
+        still: [0; SENSORS],
+        before: [AdcCode(0); SENSORS],
+        lost: 0,
+        saturated: 0,
+        silence: 0,
+        window: Window::EMPTY,
+        strange: [0; SENSORS],
+        power: 0.0,
+        grown: 0,
+    };
+
+    /// A frame came over the link.
+    pub fn heard(&mut self) {
+        self.silence = 0;
+    }
+
+    /// A sample was not read.
+    pub fn lost(&mut self, table: &ValidTable) -> Option<Cause> {
+        self.lost = self.lost.saturating_add(1);
+        (self.lost >= table.get().supervision.lost).then_some(Cause::Lost)
+    }
+
+    /// One sample with what the step made of it; `late` if the deadline before it
+    /// was missed.
+    pub fn see(
+        &mut self,
+        table: &ValidTable,
+        mode: Mode,
+        samples: Samples,
+        (dac, status): ([DacCode; LEGS], Status),
+        late: bool,
+    ) -> Option<Cause> {
+        let table = table.get();
+        let limits = &table.supervision;
+        self.lost = 0;
+        let codes = in_row(samples);
+        let railed = [status.sensors_at_rail, status.forces_at_rail];
+        for i in 0..SENSORS {
+            let at_rail = railed[i / LEGS] >> (i % LEGS) & 1 != 0;
+            self.rail[i] = if at_rail {
+                self.rail[i].saturating_add(1)
+            } else {
+                0
+            };
+            self.still[i] = if codes[i] == self.before[i] {
+                self.still[i].saturating_add(1)
+            } else {
+                0
+            };
+        }
+        self.before = codes;
+        if mode.is_loop() && status.clamped {
+            // Four steps up and one down: a limit cycle that is clamped in some of
+            // its samples counts too.
+            self.saturated = self.saturated.saturating_add(4);
+        } else {
+            self.saturated = self.saturated.saturating_sub(1);
+        }
+        let driven = mode.is_loop() || mode == Mode::Testing;
+        self.silence = if driven {
+            self.silence.saturating_add(1)
+        } else {
+            0
+        };
+        self.add(table, codes, dac, late);
+
+        if status.not_finite {
+            return Some(Cause::NotFinite);
+        }
+        if let Some(bits) = mask(table, |i| self.rail[i] >= limits.rail) {
+            return Some(Cause::Rail(bits));
+        }
+        if limits.stuck > 0
+            && let Some(bits) = mask(table, |i| self.still[i] >= limits.stuck)
+        {
+            return Some(Cause::Stuck(bits));
+        }
+        if self.saturated / 4 >= limits.saturated {
+            return Some(Cause::Saturated);
+        }
+        if limits.silence > 0 && self.silence >= limits.silence {
+            return Some(Cause::Silent);
+        }
+        if self.window.late > limits.late {
+            return Some(Cause::Late);
+        }
+        if self.window.count >= limits.window {
+            return self.close_window(table, mode);
+        }
+        None
+    }
+
+    fn add(&mut self, table: &Table, codes: [AdcCode; SENSORS], dac: [DacCode; LEGS], late: bool) {
+        let w = &mut self.window;
+        if w.count == 0 {
+            w.origin = codes;
+            w.start = dac;
+        }
+        w.count += 1;
+        w.late += u32::from(late);
+        for (i, code) in codes.iter().enumerate().take(count(table)) {
+            let d = i64::from(code.0) - i64::from(w.origin[i].0);
+            w.sums[i] += d;
+            w.squares[i] += d * d;
+        }
+        for ((force, code), start) in w.forces.iter_mut().zip(dac).zip(w.start) {
+            let d = f32::from(code.0) - f32::from(start.0);
+            let (sum, square) = force;
+            *sum += d;
+            *square += d * d;
+        }
+    }
+
+    #[inline(never)]
+    fn close_window(&mut self, table: &Table, mode: Mode) -> Option<Cause> {
+        let limits = &table.supervision;
+        let w = core::mem::replace(&mut self.window, Window::EMPTY);
+        let n = w.count as f32;
+        // Variances, each kind's in its own unit.
+        let beside = table.complement().map(|complement| &complement.sensors);
+        let kinds = [Some(&table.sensors), beside];
+        for (kind, sensors) in kinds.into_iter().enumerate() {
+            let Some(sensors) = sensors else { continue };
+            let first = kind * LEGS;
+            let variances: [f32; LEGS] = core::array::from_fn(|i| {
+                let mean = w.sums[first + i] as f32 / n;
+                let variance = w.squares[first + i] as f32 / n - mean * mean;
+                variance * sensors[i].gain * sensors[i].gain
+            });
+            let mut sorted = variances;
+            sorted.sort_unstable_by(f32::total_cmp);
+            let median = 0.5 * (sorted[2] + sorted[3]);
+            let ratio = limits.ratio * limits.ratio;
+            let strange = self.strange.iter_mut().skip(first);
+            for (strange, variance) in strange.zip(variances) {
+                let wild = variance > ratio * median;
+                let dull = variance * ratio < median;
+                *strange = if wild || dull { *strange + 1 } else { 0 };
+            }
+        }
+        // About its mean: what is slow, as the loop's own motion, is no part of it.
+        let power = (0..LEGS)
+            .map(|i| {
+                let stroke = table.actuators[i].gain * table.actuators[i].limit;
+                let (sum, square) = w.forces[i];
+                let mean = sum / n;
+                (square / n - mean * mean) / (stroke * stroke)
+            })
+            .fold(0.0, f32::max);
+        let grows = mode.is_loop()
+            && power > limits.growth * self.power
+            && power > limits.level * limits.level;
+        // What is still below the level may have begun to grow.
+        let begins = mode.is_loop() && power > limits.growth * self.power;
+        self.grown = if begins { self.grown + 1 } else { 0 };
+        self.power = power;
+        if grows && self.grown >= limits.grown {
+            return Some(Cause::Diverging);
+        }
+        mask(table, |i| self.strange[i] >= limits.strange).map(Cause::Implausible)
+    }
+}
