@@ -24,6 +24,7 @@
 //! | [`sil`] | a study, a table | a board that is software |
 //! | [`link`] | an address | a session with a board |
 //! | [`frf`] | a session with a board | transfer functions measured in place, beside the model's |
+//! | [`campaign`] | a study, a table | what becomes of faults in the loop |
 //! | [`study`] | a machine | all of these up to the plant |
 //! | [`output`] | results | text and JSON |
 //!
@@ -32,6 +33,7 @@
 //! where a name says so or a person reads them, else rad/s.
 #![forbid(unsafe_code)]
 
+pub mod campaign;
 pub mod closed_loop;
 pub mod design;
 pub mod energy;

@@ -7,9 +7,11 @@ use std::net::TcpStream;
 use std::str::FromStr;
 use std::time::{Duration, Instant, SystemTime};
 
+use shared::LEGS;
 use shared::controller::{Identity, Refusal, Report, Telemetry};
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recorded, Recording};
+use shared::supervisor::Cause;
 
 /// Where a board is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -72,6 +74,52 @@ pub fn reason(refusal: Refusal) -> &'static str {
         Refusal::Version => "it speaks another version of the link",
         Refusal::Session => "another program has begun a session",
         Refusal::Replayed => "the frame was an old one",
+    }
+}
+
+/// A cause in words.
+pub fn cause(cause: Cause) -> String {
+    let named = |mask: u16| {
+        let of = |i: u32| {
+            if i < LEGS as u32 {
+                format!("sensor {}", i + 1)
+            } else {
+                format!("force sensor {}", i + 1 - LEGS as u32)
+            }
+        };
+        let set = (0..16).filter(|i| mask >> i & 1 != 0);
+        set.map(of).collect::<Vec<_>>().join(", ")
+    };
+    match cause {
+        Cause::Table => "the table is not what it was when it was made".to_owned(),
+        Cause::Rail(mask) => format!("at an end of the ADC's range: {}", named(mask)),
+        Cause::Stuck(mask) => format!("the same code for too long: {}", named(mask)),
+        Cause::Implausible(mask) => {
+            format!(
+                "moves far more or far less than the others: {}",
+                named(mask)
+            )
+        }
+        Cause::TestSensors(mask) => {
+            format!(
+                "self-test, does not answer as the model says: {}",
+                named(mask)
+            )
+        }
+        Cause::TestLegs(mask) => {
+            let legs = (0..LEGS).filter(|i| mask >> i & 1 != 0);
+            let legs: Vec<_> = legs.map(|i| format!("leg {}", i + 1)).collect();
+            format!(
+                "self-test, does not push as the model says: {}",
+                legs.join(", ")
+            )
+        }
+        Cause::Lost => "samples were not read".to_owned(),
+        Cause::Late => "deadlines were missed".to_owned(),
+        Cause::NotFinite => "a force was not a finite number".to_owned(),
+        Cause::Saturated => "the legs were at their limits for too long".to_owned(),
+        Cause::Diverging => "the forces grew and grew".to_owned(),
+        Cause::Silent => "nobody was heard on the link".to_owned(),
     }
 }
 

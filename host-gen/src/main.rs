@@ -12,6 +12,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use command::link::LinkArguments;
 use command::sil::SilArguments;
+use host_gen::campaign::Defect;
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::frf::FrfError;
 use host_gen::link::LinkError;
@@ -96,6 +97,11 @@ enum Command {
     ///
     /// Example: host-gen simulate models/metrology-frame.toml --duration 60
     Simulate(Simulate),
+    /// Faults, one by one, in the simulated loop: what self-test and supervisor make
+    /// of each.
+    ///
+    /// Example: host-gen campaign models/metrology-frame.toml
+    Campaign(CampaignArguments),
     /// A board that is software: the machine simulated, the controller as a board
     /// runs it, its link on TCP.
     ///
@@ -216,6 +222,15 @@ struct DesignArguments {
 }
 
 #[derive(Args)]
+struct CampaignArguments {
+    #[command(flatten)]
+    common: Common,
+    /// Every two faults at once instead, which takes some minutes.
+    #[arg(long)]
+    pairs: bool,
+}
+
+#[derive(Args)]
 struct PlantArguments {
     #[command(flatten)]
     common: Common,
@@ -260,6 +275,8 @@ enum Failure {
     Link(#[from] LinkError),
     #[error(transparent)]
     Frf(FrfError),
+    #[error("outputs left their limits, or the legs came to rest too late: see the table")]
+    Unsafe,
     #[error("a fault is latched: {0}")]
     Fault(String),
     #[error("--to must be finite and above --from")]
@@ -314,6 +331,7 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Generate(arguments) => generate(arguments),
         Command::Check(arguments) => check(arguments),
         Command::Simulate(arguments) => simulate(arguments),
+        Command::Campaign(arguments) => campaign(arguments),
         Command::Sil(arguments) => command::sil::sil(arguments),
         Command::Link(arguments) => command::link::link(arguments),
     }
@@ -473,6 +491,31 @@ fn search_bar() -> ProgressBar {
     let bar = ProgressBar::new_spinner();
     let style = ProgressStyle::with_template("{spinner} shaping the loop, {pos} trials, {elapsed}");
     bar.with_style(style.expect("the template is right"))
+}
+
+fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let study = study(model)?;
+    let (table, _) = table(model, &study)?;
+    let single = Defect::all();
+    let mut cases: Vec<Vec<Defect>> = single.iter().map(|defect| vec![*defect]).collect();
+    if arguments.pairs {
+        let pairs = |(i, a): (usize, &Defect)| {
+            let others = single[i + 1..].iter();
+            others.map(|b| vec![*a, *b]).collect::<Vec<_>>()
+        };
+        cases = single.iter().enumerate().flat_map(pairs).collect();
+    }
+    let bar = ProgressBar::new(cases.len() as u64);
+    let outcomes = host_gen::campaign::campaign(&study, &table, &cases, || bar.inc(1));
+    bar.finish_and_clear();
+    let campaign = output::campaign::Campaign::new(&study, outcomes);
+    print(*format, &campaign)?;
+    if campaign.is_safe() {
+        Ok(())
+    } else {
+        Err(Failure::Unsafe)
+    }
 }
 
 fn plant(arguments: &PlantArguments) -> Result<(), Failure> {

@@ -46,7 +46,8 @@ pub fn supervision(machine: &Machine) -> Supervision {
         growth: s.growth as f32,
         grown: s.grown,
         level: s.level as f32,
-        ratio: s.ratio as f32,
+        wild: s.wild as f32,
+        dull: s.dull as f32,
         strange: s.strange,
     }
 }

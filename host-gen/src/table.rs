@@ -191,7 +191,7 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
             "use shared::table::{\n    Channel, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,\n};"
         }
         Paths::Modal(_) => {
-            "use shared::table::{\n    Channel, Complement, Feedback, Law, Modal, ModelDigest, Paths, Section, Table,\n    ValidTable,\n};"
+            "use shared::table::{\n    Channel, Complement, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,\n};"
         }
     });
     line("");

@@ -188,9 +188,10 @@ pub struct Supervision {
     pub grown: u32,
     /// and come to this part of their limit, rms.
     pub level: f32,
-    /// A sensor is implausible whose rms is this many times the others' median or
-    /// less than its inverse,
-    pub ratio: f32,
+    /// A sensor is implausible whose rms is this many times the median of its kind,
+    pub wild: f32,
+    /// or so many times less than that,
+    pub dull: f32,
     /// for so many windows in a row.
     pub strange: u32,
 }
@@ -208,11 +209,16 @@ impl Supervision {
             && self.window < 1 << 20
             && self.grown > 0
             && self.strange > 0;
-        let factors = self.ramp > 1.0 && self.growth > 1.0 && self.level > 0.0 && self.ratio > 1.0;
+        let factors = self.ramp > 1.0
+            && self.growth > 1.0
+            && self.level > 0.0
+            && self.wild > 1.0
+            && self.dull > 1.0;
         let finite = self.ramp.is_finite()
             && self.growth.is_finite()
             && self.level.is_finite()
-            && self.ratio.is_finite();
+            && self.wild.is_finite()
+            && self.dull.is_finite();
         if counts && factors && finite {
             Ok(())
         } else {

@@ -217,11 +217,11 @@ impl Watch {
             let mut sorted = variances;
             sorted.sort_unstable_by(f32::total_cmp);
             let median = 0.5 * (sorted[2] + sorted[3]);
-            let ratio = limits.ratio * limits.ratio;
+            let [wild_by, dull_by] = [limits.wild, limits.dull].map(|ratio| ratio * ratio);
             let strange = self.strange.iter_mut().skip(first);
             for (strange, variance) in strange.zip(variances) {
-                let wild = variance > ratio * median;
-                let dull = variance * ratio < median;
+                let wild = variance > wild_by * median;
+                let dull = variance * dull_by < median;
                 *strange = if wild || dull { *strange + 1 } else { 0 };
             }
         }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 use host_gen::frf::{self, Line, Settings, measure};
-use host_gen::link::{Address, Client};
+use host_gen::link::{Address, Client, cause};
 use indicatif::ProgressBar;
 use serde::Serialize;
 use shared::LEGS;
@@ -15,7 +15,7 @@ use shared::controller::{Identity, Report};
 use shared::injection::{Injection, Signal};
 use shared::link::Request;
 use shared::recorder::{Record, Recorded, Recording, Trigger};
-use shared::supervisor::{Cause, Fault, Mode};
+use shared::supervisor::{Fault, Mode};
 
 use crate::{Failure, Format};
 
@@ -310,52 +310,6 @@ impl Display for Standing {
                 "  recorder: {length} samples, {before} of them from before the trigger"
             ),
         }
-    }
-}
-
-/// A cause in words.
-fn cause(cause: Cause) -> String {
-    let named = |mask: u16| {
-        let of = |i: u32| {
-            if i < LEGS as u32 {
-                format!("sensor {}", i + 1)
-            } else {
-                format!("force sensor {}", i + 1 - LEGS as u32)
-            }
-        };
-        let set = (0..16).filter(|i| mask >> i & 1 != 0);
-        set.map(of).collect::<Vec<_>>().join(", ")
-    };
-    match cause {
-        Cause::Table => "the table is not what it was when it was made".to_owned(),
-        Cause::Rail(mask) => format!("at an end of the ADC's range: {}", named(mask)),
-        Cause::Stuck(mask) => format!("the same code for too long: {}", named(mask)),
-        Cause::Implausible(mask) => {
-            format!(
-                "moves far more or far less than the others: {}",
-                named(mask)
-            )
-        }
-        Cause::TestSensors(mask) => {
-            format!(
-                "self-test, does not answer as the model says: {}",
-                named(mask)
-            )
-        }
-        Cause::TestLegs(mask) => {
-            let legs = (0..LEGS).filter(|i| mask >> i & 1 != 0);
-            let legs: Vec<_> = legs.map(|i| format!("leg {}", i + 1)).collect();
-            format!(
-                "self-test, does not push as the model says: {}",
-                legs.join(", ")
-            )
-        }
-        Cause::Lost => "samples were not read".to_owned(),
-        Cause::Late => "deadlines were missed".to_owned(),
-        Cause::NotFinite => "a force was not a finite number".to_owned(),
-        Cause::Saturated => "the legs were at their limits for too long".to_owned(),
-        Cause::Diverging => "the forces grew and grew".to_owned(),
-        Cause::Silent => "nobody was heard on the link".to_owned(),
     }
 }
 

@@ -385,9 +385,10 @@ pub struct Supervision {
     pub grown: u32,
     /// and come to this part of their limit.
     pub level: f64,
-    /// A sensor is implausible whose rms is this many times the others' median,
-    /// or less than its inverse,
-    pub ratio: f64,
+    /// A sensor is implausible whose rms is this many times the median of its kind,
+    pub wild: f64,
+    /// or so many times less than that,
+    pub dull: f64,
     /// for so many windows in a row.
     pub strange: u32,
     /// The self-test's push, part of a leg's limit.
@@ -414,8 +415,9 @@ impl Default for Supervision {
             growth: 1.5,
             grown: 6,
             level: 0.1,
-            ratio: 20.0,
-            strange: 10,
+            wild: 20.0,
+            dull: 6.0,
+            strange: 20,
             test_force: 0.05,
             test_time: 0.25,
             test_tolerance: 0.4,

@@ -651,7 +651,7 @@ fn supervision(s: &file::Supervision, sample_rate: f64) -> Checked<()> {
             ));
         }
     }
-    for (key, factor) in [("growth", s.growth), ("ratio", s.ratio)] {
+    for (key, factor) in [("growth", s.growth), ("wild", s.wild), ("dull", s.dull)] {
         if !(factor.is_finite() && factor > 1.0) {
             return Err(Fault::new(
                 format!("supervision.{key}"),

@@ -18,6 +18,7 @@ use crate::study::Study;
 use crate::zeros::{grow, transmission_zeros};
 
 pub mod analysis;
+pub mod campaign;
 pub mod design;
 pub mod floor;
 

@@ -1,0 +1,77 @@
+//! What `host-gen campaign` prints: a table in Markdown.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::Serialize;
+
+use super::{digest, feedback_name};
+use crate::campaign::{Defect, Outcome};
+use crate::link::cause;
+use crate::study::Study;
+
+/// `host-gen campaign`.
+#[derive(Debug, Serialize)]
+pub struct Campaign {
+    machine: String,
+    model_sha256: String,
+    feedback: &'static str,
+    /// From a fault to the safe codes, s.
+    bound: f64,
+    outcomes: Vec<Outcome>,
+}
+
+impl Campaign {
+    /// Of a study.
+    pub fn new(study: &Study, outcomes: Vec<Outcome>) -> Self {
+        Self {
+            machine: study.machine.name.clone(),
+            model_sha256: digest(&study.machine),
+            feedback: feedback_name(study.design.feedback),
+            bound: study.machine.supervision.safe_ramp,
+            outcomes,
+        }
+    }
+
+    /// Whether all outputs stayed within limits and every fault ended safe within
+    /// its bound.
+    pub fn is_safe(&self) -> bool {
+        self.outcomes.iter().all(|o| o.inside && o.safe)
+    }
+}
+
+impl Display for Campaign {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "# Faults in the loop of {}\n", self.machine)?;
+        writeln!(
+            f,
+            "Made by `host-gen campaign`, {} feedback. Each fault is there from the start for\nthe self-test, and comes with the loop closed for the supervisor. After a fault the\nlegs are to be at rest within {:.0} ms.\n",
+            self.feedback,
+            1e3 * self.bound
+        )?;
+        writeln!(
+            f,
+            "| fault | self-test | with the loop closed | after | outputs inside | at rest after |\n|---|---|---|---|---|---|"
+        )?;
+        for outcome in &self.outcomes {
+            let names: Vec<_> = outcome.defects.iter().copied().map(Defect::name).collect();
+            let test = outcome.self_test.map_or_else(|| "passes".to_owned(), cause);
+            let (closed, after) = match (outcome.closed, outcome.worse_db) {
+                (Some((why, after)), _) => (cause(why), format!("{:.1} ms", 1e3 * after)),
+                (None, Some(db)) => (format!("goes on, lens {db:+.1} dB"), "–".to_owned()),
+                (None, None) => ("goes on".to_owned(), "–".to_owned()),
+            };
+            let rest = match (outcome.safe, outcome.safe_after) {
+                (true, Some(time)) => format!("{:.1} ms", 1e3 * time),
+                (true, None) => "–".to_owned(),
+                (false, _) => "TOO LATE".to_owned(),
+            };
+            writeln!(
+                f,
+                "| {} | {test} | {closed} | {after} | {} | {rest} |",
+                names.join(" and "),
+                if outcome.inside { "yes" } else { "NO" }
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,535 @@
+//! Modes, faults, injection, recorder and link of the whole controller.
+
+mod common;
+
+use common::{DIRECT, SELF_TEST, SUPERVISION, table};
+use nalgebra::Matrix6;
+use proptest::prelude::*;
+use shared::LEGS;
+use shared::codes::{AdcCode, DacCode, Samples};
+use shared::controller::{Controller, Reading, Refusal};
+use shared::injection::{Injection, Injector, Signal};
+use shared::link::{Cutter, FRAME, Packet, Reply, Request, Server, VERSION, encode};
+use shared::recorder::{Record, Recorded, Recording, Trigger};
+use shared::self_test::{Phasor, SelfTest};
+use shared::supervisor::{Cause, Event, Mode, Supervision};
+use shared::table::{Direct, Paths, ValidTable};
+
+/// The documented table of modes is the one that runs, all of it: every mode with
+/// every event.
+#[test]
+fn the_documented_modes_are_the_real_ones() {
+    let text = include_str!("../../docs/supervisor.md");
+    let mut lines = text
+        .lines()
+        .skip_while(|line| !line.starts_with("| mode |"));
+    let cells = |line: &str| -> Vec<String> {
+        let cells = line.trim_matches('|').split('|');
+        cells.map(|cell| cell.trim().to_owned()).collect()
+    };
+    let events = cells(lines.next().unwrap());
+    let names: Vec<_> = Event::ALL
+        .iter()
+        .map(|event| format!("{event:?}"))
+        .collect();
+    assert_eq!(events[1..], names);
+    let rows: Vec<_> = lines
+        .skip(1)
+        .take_while(|line| line.starts_with('|'))
+        .collect();
+    assert_eq!(rows.len(), Mode::ALL.len());
+    for (mode, row) in Mode::ALL.into_iter().zip(rows) {
+        let row = cells(row);
+        assert_eq!(row[0], format!("{mode:?}"));
+        for (event, cell) in Event::ALL.into_iter().zip(&row[1..]) {
+            let next = mode.after(event);
+            let expected = next.map_or_else(|| "–".to_owned(), |next| format!("{next:?}"));
+            assert_eq!(*cell, expected, "{mode:?}, {event:?}");
+        }
+    }
+}
+
+/// Sensor i answers leg i alone, at once and by one unit a newton; proportional law.
+fn plain() -> ValidTable {
+    let mut t = table();
+    t.law.paths = Paths::Direct(Direct {
+        proportional: Matrix6::identity() * 10.0,
+        ..DIRECT
+    });
+    t.sensors = [shared::codes::Calibration {
+        zero: 0.0,
+        gain: 0.01,
+    }; LEGS];
+    t.supervision = Supervision {
+        safe_ramp: 50,
+        rail: 5,
+        stuck: 30,
+        lost: 3,
+        late: 2,
+        saturated: 20,
+        silence: 0,
+        window: 20,
+        wild: 1e3,
+        dull: 1e3,
+        strange: 3,
+        growth: 1e3,
+        ..SUPERVISION
+    };
+    let mut sensors = SELF_TEST.sensors;
+    for (i, leg) in sensors.iter_mut().enumerate() {
+        leg[i] = Phasor { re: 1.0, im: 0.0 };
+    }
+    t.self_test = SelfTest {
+        amplitude: 10.0,
+        sensors,
+        ..SELF_TEST
+    };
+    t.validate().unwrap()
+}
+
+/// A board whose sensors read what its legs pushed the sample before.
+struct Bench<'a> {
+    controller: Controller<'a>,
+    dac: [DacCode; LEGS],
+    count: i16,
+    /// Sensor 2 reads the opposite.
+    inverted: bool,
+}
+
+impl<'a> Bench<'a> {
+    fn new(room: &'a mut [Record]) -> Self {
+        let table = plain();
+        Self {
+            controller: Controller::new(table, table.checksum(), room),
+            dac: table.safe_codes(),
+            count: 0,
+            inverted: false,
+        }
+    }
+
+    fn samples(&mut self) -> Samples {
+        self.count = self.count.wrapping_add(1);
+        let mut codes = self.dac.map(|code| {
+            let force = (f64::from(code.0) - 32768.0) / 131.072;
+            // A little of something, so that nothing is stuck.
+            AdcCode((100.0 * force) as i16 + self.count % 3)
+        });
+        if self.inverted {
+            codes[1].0 = -codes[1].0;
+        }
+        codes.into()
+    }
+
+    fn run(&mut self, count: usize) {
+        for _ in 0..count {
+            let samples = self.samples();
+            self.dac = self.controller.on_sample(samples.into());
+        }
+    }
+
+    fn mode(&self) -> Mode {
+        self.controller.report().mode
+    }
+
+    fn reach_idle(&mut self) {
+        self.controller.ask(Event::SelfTest).unwrap();
+        self.run(6 * 128 + 2);
+        assert_eq!(self.mode(), Mode::Idle, "{:?}", self.controller.report());
+    }
+
+    /// With a small gain: the bench's own answer is large.
+    fn reach_closed(&mut self) {
+        self.reach_idle();
+        self.controller.set_gain(0.002).unwrap();
+        self.controller.ask(Event::Start).unwrap();
+        self.run(300);
+        assert_eq!(self.mode(), Mode::Closed);
+    }
+
+    fn cause(&self) -> Option<Cause> {
+        self.controller.report().fault.map(|fault| fault.cause)
+    }
+}
+
+const SAFE: [DacCode; LEGS] = [DacCode(32768); LEGS];
+
+/// The self-test passes a machine that is as it should be and names a sensor that
+/// is not.
+#[test]
+fn the_self_test_names_the_sensor() {
+    let mut bench = Bench::new(&mut []);
+    bench.reach_idle();
+    assert_eq!(bench.dac, SAFE);
+    bench.inverted = true;
+    bench.controller.ask(Event::SelfTest).unwrap();
+    bench.run(6 * 128 + 2);
+    assert_eq!(bench.cause(), Some(Cause::TestSensors(1 << 1)));
+}
+
+/// Each fault from the closed loop: its cause, a straight way to the safe codes
+/// within the bound, latched until it is cleared, and nothing starts by itself.
+#[test]
+fn every_fault_ends_safe() {
+    type Break = fn(&mut Bench<'_>) -> Reading;
+    let cases: [(Break, Cause); 7] = [
+        (
+            |b| {
+                let mut samples = b.samples();
+                samples.sensors[3] = AdcCode(32767);
+                samples.into()
+            },
+            Cause::Rail(1 << 3),
+        ),
+        (
+            |b| {
+                let mut samples = b.samples();
+                samples.sensors[5] = AdcCode(77);
+                samples.into()
+            },
+            Cause::Stuck(1 << 5),
+        ),
+        (
+            |_| Reading {
+                samples: None,
+                late: false,
+            },
+            Cause::Lost,
+        ),
+        (
+            |b| Reading {
+                late: true,
+                ..b.samples().into()
+            },
+            Cause::Late,
+        ),
+        (
+            |b| {
+                let sign = if b.count % 2 == 0 { 1 } else { -1 };
+                let mut samples = b.samples();
+                samples.sensors = [AdcCode(32000 * sign); LEGS];
+                b.controller.set_gain(1.0).unwrap();
+                samples.into()
+            },
+            Cause::Saturated,
+        ),
+        (
+            |b| {
+                let sign = if b.count % 2 == 0 { 1 } else { -1 };
+                let mut samples = b.samples();
+                samples.sensors[2] = AdcCode(20000 * sign);
+                samples.into()
+            },
+            Cause::Implausible(1 << 2),
+        ),
+        (
+            |b| {
+                b.controller.table_changed();
+                b.samples().into()
+            },
+            Cause::Table,
+        ),
+    ];
+    for (wrong, cause) in cases {
+        let mut bench = Bench::new(&mut []);
+        bench.reach_closed();
+        let mut since = None;
+        for _ in 0..800 {
+            let before = bench.dac;
+            let reading = wrong(&mut bench);
+            bench.dac = bench.controller.on_sample(reading);
+            if bench.mode().is_fault() {
+                let since = since.get_or_insert(0);
+                *since += 1;
+                // Never away from safe again.
+                for (before, now) in before.iter().zip(&bench.dac) {
+                    let far = |code: &DacCode| (i32::from(code.0) - 32768).abs();
+                    assert!(far(now) <= far(before));
+                }
+                if *since >= 50 {
+                    assert_eq!(bench.dac, SAFE, "{cause:?}");
+                    assert_eq!(bench.mode(), Mode::Failed);
+                }
+            }
+        }
+        assert_eq!(bench.cause(), Some(cause));
+        assert!(since.is_some_and(|since| since > 50));
+        for event in [Event::Start, Event::SelfTest, Event::Stop] {
+            assert_eq!(bench.controller.ask(event), Err(Refusal::Mode));
+        }
+        bench.controller.ask(Event::Clear).unwrap();
+        assert_eq!(bench.mode(), Mode::Untested);
+        bench.run(100);
+        assert_eq!((bench.mode(), bench.dac), (Mode::Untested, SAFE));
+    }
+}
+
+/// Nobody on the link: a fault while the legs are driven, and not before.
+#[test]
+fn silence_is_a_fault_only_while_driven() {
+    let mut t = *plain().get();
+    t.supervision.silence = 1000;
+    let t = t.validate().unwrap();
+    let mut bench = Bench::new(&mut []);
+    bench.controller = Controller::new(t, t.checksum(), &mut []);
+    bench.run(2000);
+    assert_eq!(bench.cause(), None);
+    bench.reach_closed();
+    bench.controller.heard();
+    bench.run(999);
+    assert_eq!(bench.cause(), None);
+    bench.run(1);
+    assert_eq!(bench.cause(), Some(Cause::Silent));
+}
+
+/// A table with another checksum never leaves safe.
+#[test]
+fn another_table_does_not_run() {
+    let table = plain();
+    let mut controller = Controller::new(table, table.checksum() ^ 1, &mut []);
+    assert_eq!(
+        controller.report().fault.map(|fault| fault.cause),
+        Some(Cause::Table)
+    );
+    for _ in 0..100 {
+        let dac = controller.on_sample(Samples::from([AdcCode(100); LEGS]).into());
+        assert_eq!(dac, SAFE);
+    }
+    // Every bit of the table is in the sum.
+    let mut other = *table.get();
+    other.self_test.forces[5][5].im = f32::from_bits(1);
+    assert_ne!(other.validate().unwrap().checksum(), table.checksum());
+}
+
+/// A soft stop ends at the safe codes without a step: the last code before them is
+/// within GENTLE of the whole force.
+#[test]
+fn a_soft_stop_is_soft() {
+    let mut bench = Bench::new(&mut []);
+    bench.reach_closed();
+    bench.controller.ask(Event::Stop).unwrap();
+    bench.run(2000);
+    assert_eq!((bench.mode(), bench.dac), (Mode::Idle, SAFE));
+}
+
+/// What is recorded about an injection is what was injected, from the sample that
+/// the report names.
+#[test]
+fn the_recorder_holds_the_injection() {
+    let mut room = [Record::NONE; 64];
+    let mut bench = Bench::new(&mut room);
+    bench.reach_idle();
+    let too_long = Recording {
+        trigger: Trigger::Now,
+        before: 40,
+        after: 25,
+    };
+    assert_eq!(bench.controller.arm(too_long), Err(Refusal::Range));
+    let recording = Recording {
+        trigger: Trigger::Injection,
+        before: 10,
+        after: 30,
+    };
+    bench.controller.arm(recording).unwrap();
+    bench.run(100);
+    let injection = Injection {
+        signal: Signal::Sine { hz: 1000.0 },
+        legs: [100.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        samples: 20,
+    };
+    bench.controller.start_injection(injection).unwrap();
+    bench.run(60);
+    let report = bench.controller.report();
+    assert_eq!(
+        report.recorded,
+        Recorded::Done {
+            length: 40,
+            before: 10,
+            at: report.injected
+        }
+    );
+    for k in 0..40 {
+        let record = bench.controller.recording(k).unwrap();
+        let phase = k as f64 - 10.0;
+        let force = if (0.0..20.0).contains(&phase) {
+            100.0 * (core::f64::consts::TAU * phase / 20.0).sin()
+        } else {
+            0.0
+        };
+        let found = (f64::from(record.dac[0].0) - 32768.0) / 131.072;
+        assert!((found - force).abs() < 0.01, "{k}: {found} {force}");
+        assert_eq!(record.dac[1], DacCode(32768));
+    }
+    assert_eq!(bench.controller.recording(40), None);
+}
+
+/// A multisine against its formula, and what is out of range.
+#[test]
+fn injections_are_what_they_say() {
+    let table = plain();
+    let one = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let multisine = |first, apart, count, period| Injection {
+        signal: Signal::Multisine {
+            period,
+            first,
+            apart,
+            count,
+        },
+        legs: one,
+        samples: 3000,
+    };
+    let good = multisine(3, 5, 20, 1000);
+    assert!(good.is_within(&table));
+    let mut injector = Injector::new(&table, good);
+    for n in 0..3000 {
+        let expected: f64 = (0..20)
+            .map(|k| {
+                let k = f64::from(k);
+                let turns = (3.0 + 5.0 * k) * f64::from(n % 1000) / 1000.0 - k * k / 40.0;
+                (core::f64::consts::TAU * turns).sin()
+            })
+            .sum();
+        let found = f64::from(injector.advance().unwrap().0[0]);
+        // Twenty roundings of 3e-7 and their sum's.
+        assert!((found - expected).abs() < 2e-5, "{n}");
+    }
+    assert_eq!(injector.advance(), None);
+    let sine = |hz, size: f32| Injection {
+        signal: Signal::Sine { hz },
+        legs: [size; LEGS],
+        samples: 10,
+    };
+    for bad in [
+        multisine(0, 5, 20, 1000),
+        multisine(3, 30, 20, 1000),
+        multisine(3, 0, 2, 1000),
+        multisine(1, 1, 65, 1000),
+        sine(10_001.0, 1.0),
+        sine(f32::NAN, 1.0),
+        sine(50.0, 200.1),
+        sine(50.0, f32::NAN),
+        sine(50.0, f32::INFINITY),
+        Injection {
+            samples: 0,
+            ..sine(50.0, 1.0)
+        },
+    ] {
+        assert!(!bad.is_within(&table), "{bad:?}");
+    }
+}
+
+fn frame(session: u32, sequence: u32, body: Request) -> Vec<u8> {
+    let packet = Packet {
+        version: VERSION,
+        session,
+        sequence,
+        body,
+    };
+    encode(&packet).unwrap().to_vec()
+}
+
+fn answer(
+    bytes: &[u8],
+    cutter: &mut Cutter,
+    server: &mut Server,
+    controller: &mut Controller<'_>,
+) -> Vec<Packet<Reply>> {
+    let packets = bytes.iter().filter_map(|byte| cutter.push(*byte));
+    packets
+        .map(|incoming| server.answer(incoming, controller))
+        .collect()
+}
+
+/// Sessions, old frames and frames of others; the longest answer fits.
+#[test]
+fn the_link_refuses_what_is_not_its_own() {
+    let mut bench = Bench::new(&mut []);
+    let (mut cutter, mut server) = (Cutter::new(), Server::new());
+    let c = &mut bench.controller;
+    let mut ask = |bytes: Vec<u8>| answer(&bytes, &mut cutter, &mut server, c).remove(0);
+    let before = ask(frame(0, 1, Request::Report));
+    assert_eq!(before.body, Reply::Refused(Refusal::Session));
+    let session = ask(frame(0, 1, Request::Hello(5))).session;
+    assert_ne!(session, 0);
+    let mut say = |session, sequence, body| ask(frame(session, sequence, body)).body;
+    assert!(matches!(say(session, 2, Request::Report), Reply::Report(_)));
+    let replayed = Reply::Refused(Refusal::Replayed);
+    assert_eq!(say(session, 2, Request::SelfTest), replayed);
+    assert_eq!(say(session, 1, Request::SelfTest), replayed);
+    // The hello itself, played again, does not end the session.
+    assert_eq!(say(0, 1, Request::Hello(5)), replayed);
+    let other = say(session ^ 4, 9, Request::SelfTest);
+    assert_eq!(other, Reply::Refused(Refusal::Session));
+    assert_eq!(say(session, 3, Request::SelfTest), Reply::Done);
+    assert_eq!(bench.mode(), Mode::Testing);
+    let record = Record {
+        adc: Samples {
+            sensors: [AdcCode(-32768); LEGS],
+            forces: [AdcCode(-32768); LEGS],
+        },
+        dac: [DacCode(65535); LEGS],
+    };
+    let longest = Packet {
+        version: VERSION,
+        session: u32::MAX,
+        sequence: u32::MAX,
+        body: Reply::Records([record; 8].into_iter().collect()),
+    };
+    assert!(encode(&longest).unwrap().len() <= FRAME);
+}
+
+proptest! {
+    /// Whatever bytes come, and whatever is asked, the outputs stay within limits
+    /// and the state in one of its modes; noise is never taken for a request.
+    #[test]
+    fn noise_changes_nothing(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+        let mut bench = Bench::new(&mut []);
+        let (mut cutter, mut server) = (Cutter::new(), Server::new());
+        let session = answer(
+            &frame(0, 1, Request::Hello(5)),
+            &mut cutter,
+            &mut server,
+            &mut bench.controller,
+        )
+        .remove(0)
+        .session;
+        let before = bench.controller.report();
+        for reply in answer(&bytes, &mut cutter, &mut server, &mut bench.controller) {
+            prop_assert!(matches!(reply.body, Reply::Refused(_)));
+        }
+        prop_assert_eq!(bench.controller.report(), before);
+        // A zero ends what was left of it, and the link goes on.
+        let mut next = vec![0];
+        next.extend(frame(session, 2, Request::Report));
+        let replies = answer(&next, &mut cutter, &mut server, &mut bench.controller);
+        prop_assert!(matches!(replies.last().unwrap().body, Reply::Report(_)));
+    }
+
+    /// Any events in any order with any sensors: outputs within limits, no panic.
+    #[test]
+    fn outputs_stay_inside(
+        steps in prop::collection::vec((any::<[i16; LEGS]>(), 0..20u8), 1..400),
+    ) {
+        let table = plain();
+        let mut controller = Controller::new(table, table.checksum(), &mut []);
+        for (codes, act) in steps {
+            let event = match act {
+                0 => Some(Event::SelfTest),
+                1..=3 => Some(Event::Start),
+                4 => Some(Event::Stop),
+                5 => Some(Event::Clear),
+                _ => None,
+            };
+            if let Some(event) = event {
+                let _ = controller.ask(event);
+            }
+            let mut reading = Reading::from(Samples::from(codes.map(AdcCode)));
+            if act == 19 {
+                reading.samples = None;
+            }
+            for code in controller.on_sample(reading) {
+                let force = (f64::from(code.0) - 32768.0) / 131.072;
+                prop_assert!(force.abs() <= 200.01);
+            }
+        }
+    }
+}
