@@ -187,7 +187,13 @@ impl Broken {
     }
 
     fn one_in(&mut self, count: u32) -> bool {
-        self.random.next_u32() % count == 0
+        self.random.next_u32().is_multiple_of(count)
+    }
+
+    /// Of any channel.
+    fn bit(&mut self) -> (usize, u32) {
+        let word = self.random.next_u32();
+        (word as usize % LEGS, word >> 16 & 15)
     }
 
     fn read(&mut self, true_samples: Samples) -> Reading {
@@ -207,11 +213,9 @@ impl Broken {
                 Defect::SensorInverted(i) => codes[i].0 = codes[i].0.saturating_neg(),
                 Defect::SensorsSwapped(i, j) => codes.swap(i, j),
                 Defect::SensorRailed(i) => codes[i] = AdcCode(i16::MAX),
-                Defect::AdcBits => {
-                    if self.one_in(1000) {
-                        let (i, bit) = (self.random.next_u32() % 6, self.random.next_u32() % 16);
-                        codes[i as usize].0 ^= 1 << bit;
-                    }
+                Defect::AdcBits if self.one_in(1000) => {
+                    let (i, bit) = self.bit();
+                    codes[i].0 ^= 1 << bit;
                 }
                 Defect::SamplesLostSingly => lost |= self.one_in(100),
                 Defect::SamplesLost => lost = true,
@@ -246,11 +250,9 @@ impl Broken {
                     let out = 0.85 * part + 0.15 * *z;
                     codes[i] = self.code(i, out);
                 }
-                Defect::DacBits => {
-                    if self.one_in(1000) {
-                        let (i, bit) = (self.random.next_u32() % 6, self.random.next_u32() % 16);
-                        codes[i as usize].0 ^= 1 << bit;
-                    }
+                Defect::DacBits if self.one_in(1000) => {
+                    let (i, bit) = self.bit();
+                    codes[i].0 ^= 1 << bit;
                 }
                 _ => {}
             }

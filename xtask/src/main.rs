@@ -23,15 +23,15 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Every test: host tests, checked-in tables, and the firmware on both
-    /// emulated boards.
+    /// Every test: host tests, checked-in tables, ten million bad frames, and the
+    /// firmware on both emulated boards.
     Test(Setup),
     /// Processor in the loop: the firmware on emulated boards against the plant
     /// and the host's own step, code by code.
     Pil {
         #[command(flatten)]
         setup: Setup,
-        /// Samples per board.
+        /// Samples per board with the loop closed; a session comes on top.
         #[arg(long, default_value_t = SAMPLES)]
         samples: u32,
     },
@@ -66,8 +66,12 @@ const SAMPLES: u32 = 200_000;
 
 const MODEL: &str = "models/metrology-frame.toml";
 
-/// Machines with a table in the firmware, each with the image that runs it.
-const CONTROLLED: [(&str, &str); 2] = [(MODEL, "mps2"), ("models/both-sensors.toml", "mps2-both")];
+/// Machines with a table in the firmware, each with the image that runs it
+/// and for how much of the samples.
+const CONTROLLED: [(&str, &str, u32); 2] = [
+    (MODEL, "mps2", 1),
+    ("models/both-sensors.toml", "mps2-both", 4),
+];
 
 /// What went wrong, ready to print.
 type Outcome<T> = Result<T, String>;
@@ -111,14 +115,16 @@ fn test(setup: &Setup) -> Outcome<()> {
     // First, so that a missing tool is known at once.
     let tools = Tools::find(!setup.no_install)?;
     run(cargo().args(["test", "--workspace"]))?;
-    for (model, _) in CONTROLLED {
+    for (model, ..) in CONTROLLED {
         run(&mut host_gen(&["check", model]))?;
     }
+    run(cargo().args(["run", "--release", "--package", "tests", "--bin", "frames"]))?;
     pil(&tools, SAMPLES)
 }
 
 fn pil(tools: &Tools, samples: u32) -> Outcome<()> {
-    for (model, image) in CONTROLLED {
+    for (model, image, part) in CONTROLLED {
+        let samples = samples / part;
         let mut command = cargo();
         command.args(["run", "--release", "--package", "tests", "--bin", "pil"]);
         command.args(["--", "--model", model, "--samples", &samples.to_string()]);
