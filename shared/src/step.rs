@@ -207,7 +207,7 @@ fn at_rail(adc: [AdcCode; LEGS], max: AdcCode) -> u8 {
 /// One sample: `adc` as read at this instant; out come the codes to latch.
 pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand) -> Output {
     let t = table.get();
-    let (w, forces) = sense(t, state, adc);
+    let (w, forces) = sense(t, state, adc, t.ac_limit);
     let limits = limits(t);
     let (force, clamp) = force(&t.law, &limits, &mut state.law, &w, &forces, &demand);
     output(t, adc, force, clamp)
@@ -217,7 +217,9 @@ pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand)
 /// sensors, the law stays at rest, the legs get `injection` alone.
 pub fn rest(table: &ValidTable, state: &mut State, adc: Samples, injection: LegForces) -> Output {
     let t = table.get();
-    let (w, forces) = sense(t, state, adc);
+    // No law, so no shock that it could take for an offset; and of a swing that is
+    // not as high as it is deep the mean within limits is another.
+    let (w, forces) = sense(t, state, adc, f32::MAX);
     if let Paths::Modal(modal) = &t.law.paths {
         blend(modal, &mut state.law, &w, &forces);
     }
@@ -234,7 +236,7 @@ pub fn rest(table: &ValidTable, state: &mut State, adc: Samples, injection: LegF
 
 /// AC-coupled sensor values, and what the force sensors beside them measure, N.
 #[inline]
-fn sense(t: &Table, state: &mut State, adc: Samples) -> (Six, Six) {
+fn sense(t: &Table, state: &mut State, adc: Samples, limit: f32) -> (Six, Six) {
     let y = calibrate(&t.sensors, adc.sensors);
     let forces = t
         .complement()
@@ -242,9 +244,9 @@ fn sense(t: &Table, state: &mut State, adc: Samples) -> (Six, Six) {
     let [h1, h2] = &mut state.averages;
     let w = core::array::from_fn(|i| {
         let v = y[i] - h1[i];
-        h1[i] += t.ac_coupling * bounded(v, t.ac_limit);
+        h1[i] += t.ac_coupling * bounded(v, limit);
         let w = v - h2[i];
-        h2[i] += t.ac_coupling * bounded(w, t.ac_limit);
+        h2[i] += t.ac_coupling * bounded(w, limit);
         w
     });
     (w, forces)
