@@ -39,5 +39,8 @@ pub mod supervisor;
 pub mod table;
 mod watch;
 
+/// CRC-32 (ISO-HDLC), of frames and of tables.
+const CRC_32: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
 /// Legs, and with them sensors and actuators of the controller.
 pub const LEGS: usize = 6;

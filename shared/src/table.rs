@@ -8,10 +8,10 @@
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
-use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, Drive};
 use crate::self_test::SelfTest;
 use crate::supervisor::Supervision;
+use crate::{CRC_32, LEGS};
 
 /// The table layout this code reads.
 pub const FORMAT_VERSION: u16 = 5;
@@ -313,11 +313,9 @@ impl ValidTable {
     pub fn checksum(&self) -> u32 {
         // Numbers, options and arrays of known length: nothing that postcard
         // cannot write, and the sum takes it all.
-        postcard::serialize_with_flavor(&self.0, Sum(CRC.digest())).unwrap_or(0)
+        postcard::serialize_with_flavor(&self.0, Sum(CRC_32.digest())).unwrap_or(0)
     }
 }
-
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// Sums up instead of storing.
 struct Sum(crc::Digest<'static, u32>);

@@ -10,6 +10,8 @@ pub mod server;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::CRC_32;
+
 pub use message::{CHUNK, Reply, Request};
 pub use server::Server;
 
@@ -21,8 +23,6 @@ pub const PACKET: usize = 512;
 
 /// The most bytes in a frame, the zero included: COBS adds one in 254.
 pub const FRAME: usize = PACKET + PACKET / 254 + 2;
-
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// A message with what it belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,7 +72,7 @@ pub fn encode<T: Serialize>(packet: &Packet<T>) -> Option<Vec<u8, FRAME>> {
     let mut plain = [0; PACKET];
     let room = plain.get_mut(..PACKET - 4)?;
     let length = postcard::to_slice(packet, room).ok()?.len();
-    let sum = CRC.checksum(plain.get(..length)?);
+    let sum = CRC_32.checksum(plain.get(..length)?);
     plain
         .get_mut(length..length + 4)?
         .copy_from_slice(&sum.to_le_bytes());
@@ -92,7 +92,7 @@ pub fn decode<T: for<'a> Deserialize<'a>>(frame: &mut [u8]) -> Result<Packet<T>,
     let length = cobs::decode_in_place(frame).map_err(|_| FrameError::Encoding)?;
     let plain = frame.get(..length).ok_or(FrameError::Encoding)?;
     let (packet, sum) = plain.split_last_chunk::<4>().ok_or(FrameError::Checksum)?;
-    if CRC.checksum(packet) != u32::from_le_bytes(*sum) {
+    if CRC_32.checksum(packet) != u32::from_le_bytes(*sum) {
         return Err(FrameError::Checksum);
     }
     match packet.first() {
