@@ -139,7 +139,6 @@ pub struct Controller<'a> {
     probe: Probe,
     injector: Option<Injector>,
     injection_begins: bool,
-    injecting: u32,
     injected: u64,
     fault: Option<Fault>,
     /// The outputs at the fault, and samples since.
@@ -175,7 +174,6 @@ impl<'a> Controller<'a> {
             probe: Probe::new(),
             injector: None,
             injection_begins: false,
-            injecting: 0,
             injected: 0,
             fault: None,
             failing: (dac, 0),
@@ -318,8 +316,7 @@ impl<'a> Controller<'a> {
 
     /// The gain goes towards its target by a factor a sample; on a soft start it
     /// goes back while the legs push hard, until what makes them do so has died
-    /// out. A
-    /// soft stop takes the force away, whatever the law's integrals hold.
+    /// out. A soft stop takes the force away, whatever the law's integrals hold.
     fn move_gain(&mut self) {
         let ramp = self.table.get().supervision.ramp;
         if self.mode == Mode::Stopping {
@@ -378,10 +375,7 @@ impl<'a> Controller<'a> {
             return LegForces::ZERO;
         };
         match injector.advance() {
-            Some(forces) => {
-                self.injecting = self.injecting.saturating_sub(1);
-                forces
-            }
+            Some(forces) => forces,
             None => {
                 self.injector = None;
                 LegForces::ZERO
@@ -421,7 +415,6 @@ impl<'a> Controller<'a> {
 
     fn stop_injection(&mut self) {
         self.injector = None;
-        self.injecting = 0;
     }
 
     /// Whether the event changed, or may be repeated in, the mode.
@@ -493,7 +486,6 @@ impl<'a> Controller<'a> {
             return Err(Refusal::Range);
         }
         self.injector = Some(Injector::new(&self.table, injection));
-        self.injecting = injection.samples;
         self.injected = self.at;
         self.injection_begins = true;
         Ok(())
@@ -548,7 +540,7 @@ impl<'a> Controller<'a> {
             gain: self.gain * self.fade,
             target: self.target,
             fault: self.fault,
-            injecting: self.injecting,
+            injecting: self.injector.as_ref().map_or(0, Injector::left),
             injected: self.injected,
             recorded: self.recorder.recorded(),
             clamped: self.clamped,

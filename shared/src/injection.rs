@@ -130,6 +130,11 @@ impl Injector {
         }
     }
 
+    /// Samples still to come.
+    pub fn left(&self) -> u32 {
+        self.injection.samples.saturating_sub(self.at)
+    }
+
     /// The next sample's forces; none when it is over.
     pub fn advance(&mut self) -> Option<LegForces> {
         if self.at >= self.injection.samples {
