@@ -36,10 +36,21 @@ pub struct Settings {
     pub amplitude: f64,
 }
 
-/// Sines, turns in a period: from 5 to 315 Hz at 20 kHz and 8192 samples.
+/// The first sine's turns in a period, those from one sine to the next, and how many:
+/// from 5 to 315 Hz at 20 kHz and 8192 samples.
 const FIRST: u32 = 2;
 const APART: u32 = 2;
 const COUNT: u32 = 64;
+
+/// The multisine that is measured with.
+pub fn multisine(period: u32) -> Signal {
+    Signal::Multisine {
+        period,
+        first: FIRST,
+        apart: APART,
+        count: COUNT,
+    }
+}
 
 /// What was measured at one frequency.
 #[derive(Clone, Debug, Serialize)]
@@ -157,12 +168,7 @@ fn experiment(
     legs[leg] = settings.amplitude as f32;
     // Long enough whatever the windows in between take; ended when they are done.
     let injection = Injection {
-        signal: Signal::Multisine {
-            period,
-            first: FIRST,
-            apart: APART,
-            count: COUNT,
-        },
+        signal: multisine(period),
         legs,
         samples: shared::injection::LONGEST,
     };

@@ -235,12 +235,7 @@ fn injection(inject: &Inject) -> Injection {
             from: inject.hz,
             to: inject.to,
         },
-        Kind::Multisine => Signal::Multisine {
-            period: inject.period,
-            first: 2,
-            apart: 2,
-            count: 64,
-        },
+        Kind::Multisine => frf::multisine(inject.period),
         Kind::Noise => Signal::Noise { seed: inject.seed },
     };
     Injection {
