@@ -38,16 +38,24 @@ struct Cli {
     #[arg(long)]
     samples: u32,
     /// The emulator's name of a board, and the image with the machine's table.
-    #[arg(long, num_args = 2, value_names = ["MACHINE", "IMAGE"], required = true)]
+    /// Without any, the host rehearses the session alone, in seconds.
+    #[arg(long, num_args = 2, value_names = ["MACHINE", "IMAGE"])]
     board: Vec<String>,
 }
 
 /// A board that is silent for this long has stopped.
 const SILENCE: Duration = Duration::from_secs(60);
 
-/// Every half second the floor shakes this much harder for a twentieth, so that
-/// clamp and anti-windup are compared too.
+/// A shock, so that clamp and anti-windup are compared too: the floor shakes this
+/// much harder,
 const ROUGH: f64 = 60.0;
+
+/// for so many samples,
+const SHOCK: u32 = 1_000;
+
+/// again after so many: time enough to recover, or the supervisor would rightly
+/// give up.
+const SHOCKS_APART: u32 = 60_000;
 
 /// Records that the board's recorder has room for.
 const ROOM: usize = 16_384;
@@ -72,6 +80,14 @@ fn run(cli: &Cli) -> Outcome<bool> {
     let Some(entry) = tables::ALL.iter().find(|entry| entry.machine == name) else {
         return Err(format!("the firmware has no table of {name}").into());
     };
+    if cli.board.is_empty() {
+        let count = in_the_loop(&study, entry, cli.samples, "host", None)?;
+        println!(
+            "{name} on the host alone: {} samples, {} answers, clamp active in {}; {:.0} s",
+            count.samples, count.answers, count.clamped, count.seconds
+        );
+        return Ok(true);
+    }
     let boards: Vec<_> = cli.board.chunks_exact(2).collect();
     // Side by side: most of the time goes into waiting for single bytes.
     let results = thread::scope(|scope| {
@@ -81,7 +97,7 @@ fn run(cli: &Cli) -> Outcome<bool> {
                 let study = &study;
                 scope.spawn(move || {
                     let image = Path::new(&board[1]);
-                    in_the_loop(study, entry, cli.samples, &board[0], image)
+                    in_the_loop(study, entry, cli.samples, &board[0], Some(image))
                 })
             })
             .collect();
@@ -123,14 +139,16 @@ fn in_the_loop(
     entry: &Entry,
     samples: u32,
     machine: &str,
-    image: &Path,
+    image: Option<&Path>,
 ) -> Outcome<Count> {
     let start = Instant::now();
     let settings = &study.machine.simulation;
     let mut room = vec![Record::NONE; ROOM];
     let mut session = Session {
         name: machine,
-        board: Emulated::start(machine, image)?,
+        board: image
+            .map(|image| Emulated::start(machine, image))
+            .transpose()?,
         rig: Rig::new(study.plant.clone(), &study.machine.board, settings),
         host: Controller::new(*entry.table, entry.checksum, &mut room),
         server: Server::new(),
@@ -146,10 +164,10 @@ fn in_the_loop(
     Ok(count)
 }
 
-/// A board and the host's copy of it.
+/// A board, unless the host is alone, and the host's copy of it.
 struct Session<'a> {
     name: &'a str,
-    board: Emulated,
+    board: Option<Emulated>,
     rig: Rig,
     host: Controller<'a>,
     server: Server,
@@ -203,8 +221,8 @@ impl Session<'_> {
         for k in 0..samples {
             // None in the last second: the fault is to find a machine that is quiet
             // enough for what comes after it.
-            let burst = k % 10_000 < 1_000 && k + 20_000 < samples;
-            self.rig.floor_gain = if burst { ROUGH } else { 1.0 };
+            let shock = k % SHOCKS_APART < SHOCK && k + 20_000 < samples;
+            self.rig.floor_gain = if shock { ROUGH } else { 1.0 };
             self.sample()?;
         }
         self.rig.floor_gain = 1.0;
@@ -239,7 +257,10 @@ impl Session<'_> {
             adc.sensors[2].0 = code;
         }
         let expected = self.host.on_sample(adc.into());
-        let dac = parse_reply(&self.board.exchange(&request(adc))?)?;
+        let dac = match &mut self.board {
+            Some(board) => parse_reply(&board.exchange(&request(adc))?)?,
+            None => expected,
+        };
         self.count.samples += 1;
         self.count.equal += u32::from(dac == expected);
         if dac != expected && self.count.samples - self.count.equal == 1 {
@@ -299,7 +320,10 @@ impl Session<'_> {
             }
         }
         let expected = expected.ok_or("a frame without an answer")?;
-        let found = self.board.talk(bytes)?;
+        let found = match &mut self.board {
+            Some(board) => board.talk(bytes)?,
+            None => expected.to_vec(),
+        };
         self.count.answers += 1;
         self.count.answers_equal += u32::from(found == expected[..]);
         if found != expected[..] {
