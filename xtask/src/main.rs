@@ -123,7 +123,7 @@ fn test(setup: &Setup) -> Outcome<()> {
 }
 
 fn pil(tools: &Tools, samples: u32) -> Outcome<()> {
-    let session = |model, part| {
+    let session = |model: &str, part: u32| {
         let mut command = cargo();
         command.args(["run", "--release", "--package", "tests", "--bin", "pil"]);
         command.args(["--", "--model", model]);
