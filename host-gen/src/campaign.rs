@@ -132,7 +132,7 @@ pub struct Outcome {
 /// Seconds with the loop closed before it breaks, after that, and with the fault
 /// latched.
 const BEFORE: f64 = 4.0;
-const AFTER: f64 = 8.0;
+const AFTER: f64 = 20.0;
 const LATCHED: f64 = 0.5;
 
 /// Runs all `cases`, over all cores; `progress` is called after each.

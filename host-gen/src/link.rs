@@ -101,18 +101,12 @@ pub fn cause(cause: Cause) -> String {
             )
         }
         Cause::TestSensors(mask) => {
-            format!(
-                "self-test, does not answer as the model says: {}",
-                named(mask)
-            )
+            format!("does not answer as the model says: {}", named(mask))
         }
         Cause::TestLegs(mask) => {
             let legs = (0..LEGS).filter(|i| mask >> i & 1 != 0);
             let legs: Vec<_> = legs.map(|i| format!("leg {}", i + 1)).collect();
-            format!(
-                "self-test, does not push as the model says: {}",
-                legs.join(", ")
-            )
+            format!("does not push as the model says: {}", legs.join(", "))
         }
         Cause::Lost => "samples were not read".to_owned(),
         Cause::Late => "deadlines were missed".to_owned(),
@@ -120,6 +114,7 @@ pub fn cause(cause: Cause) -> String {
         Cause::Saturated => "the legs were at their limits for too long".to_owned(),
         Cause::Diverging => "the forces grew and grew".to_owned(),
         Cause::Silent => "nobody was heard on the link".to_owned(),
+        Cause::Erratic(mask) => format!("jumps there and back: {}", named(mask)),
     }
 }
 

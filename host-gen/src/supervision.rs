@@ -12,7 +12,7 @@ use crate::plant::SampledPlant;
 /// Of the highest natural frequency: the self-test's sine lies clear above all
 /// modes, where a sensor's answer is that of the frame as a free mass and hardly
 /// hangs on payload, legs or damping.
-const ABOVE: f64 = 2.0;
+const ABOVE: f64 = 6.0;
 
 /// The self-test waits this part of the time it measures before it does.
 const SETTLE: f64 = 0.4;
@@ -20,6 +20,15 @@ const SETTLE: f64 = 0.4;
 /// Sensor and ADC whose noise is less than this part of a code may give the same
 /// code for long.
 const QUIET: f64 = 0.3;
+
+/// A spike is this many times what noise does, and at least so many codes: what the
+/// machine itself does from sample to sample in a shock is less.
+const SPIKE: f64 = 20.0;
+const LEAST_SPIKE: f64 = 48.0;
+
+/// The pilot's answer, without the loop, stands this far above the sensors' noise: the
+/// loop takes most of it away, and lets DAC and floor add to the noise.
+const AUDIBLE: f64 = 60.0;
 
 /// When the supervisor of `machine` acts.
 pub fn supervision(machine: &Machine) -> Supervision {
@@ -38,6 +47,13 @@ pub fn supervision(machine: &Machine) -> Supervision {
         safe_ramp: samples(s.safe_ramp),
         rail: samples(s.rail),
         stuck: samples(s.stuck.unwrap_or(if quiet { 0.0 } else { 0.1 })),
+        spike: kinds.map(|kind| {
+            let noise = kind.map_or(0.0, |sensor| noise(board, sensor));
+            // Held at the ends.
+            let least = (SPIKE * noise).max(LEAST_SPIKE) as u16;
+            s.spike.unwrap_or(least)
+        }),
+        spikes: s.spikes,
         lost: s.lost,
         late: s.late,
         saturated: samples(s.saturated.unwrap_or(1.0 / machine.target.frequency)),
@@ -89,11 +105,30 @@ pub fn self_test(machine: &Machine, plant: &SampledPlant) -> SelfTest {
             })
         })
     };
+    let watch = (s.pilot_time * board.sample_rate).round();
+    let pilot = s.pilot.unwrap_or_else(|| {
+        let kinds = [Some(board.sensor), board.beside];
+        let needed = kinds.into_iter().enumerate().filter_map(|(kind, sensor)| {
+            // A phasor in a Hann window: 3·n²/T of white noise n²/Hz.
+            let sensor = sensor?;
+            let lsb = board.adc.lsb() / sensor.sensitivity.abs();
+            let square = (noise(board, sensor) * lsb).powi(2) / (0.5 * board.sample_rate);
+            let noise = (LEGS as f64 * 3.0 * square / s.pilot_time).sqrt();
+            let rows = gain.rows(kind * LEGS, LEGS);
+            let weakest = rows.column_iter().map(|leg| leg.norm());
+            Some(AUDIBLE * noise / weakest.fold(f64::INFINITY, f64::min))
+        });
+        needed
+            .fold(0.0, f64::max)
+            .min(s.test_force * board.force_limit)
+    });
     SelfTest {
         step: step as u32,
         amplitude: (s.test_force * board.force_limit) as f32,
         settle: (SETTLE * measure) as u32,
         measure: measure as u32,
+        pilot: rounded(pilot),
+        watch: watch as u32,
         tolerance: s.test_tolerance as f32,
         sensors: answers(0),
         forces: answers(LEGS),

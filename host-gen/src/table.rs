@@ -261,6 +261,8 @@ fn emit_test(line: &mut impl FnMut(&str), test: &SelfTest) {
         amplitude,
         settle,
         measure,
+        pilot,
+        watch,
         tolerance,
         sensors,
         forces,
@@ -270,6 +272,8 @@ fn emit_test(line: &mut impl FnMut(&str), test: &SelfTest) {
     line(&format!("        amplitude: {amplitude:?},"));
     line(&format!("        settle: {settle},"));
     line(&format!("        measure: {measure},"));
+    line(&format!("        pilot: {pilot:?},"));
+    line(&format!("        watch: {watch},"));
     line(&format!("        tolerance: {tolerance:?},"));
     line("        // By leg: what each sensor answers a push of 1 N.");
     for (name, kind) in [("sensors", sensors), ("forces", forces)] {

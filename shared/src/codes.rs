@@ -228,6 +228,12 @@ impl Drive {
     pub fn code(&self, force: f32) -> DacCode {
         DacCode((self.zero + force * self.gain + 0.5) as u16)
     }
+
+    /// The force of a code, N.
+    #[inline]
+    pub fn force(&self, code: DacCode) -> f32 {
+        (f32::from(code.0) - self.zero) / self.gain
+    }
 }
 
 #[cfg(test)]

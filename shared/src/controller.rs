@@ -8,7 +8,7 @@ use crate::LEGS;
 use crate::codes::{DacCode, LegForces, Samples};
 use crate::injection::{Injection, Injector};
 use crate::recorder::{Record, Recorded, Recorder, Recording};
-use crate::self_test::{Probe, Progress};
+use crate::self_test::{Probe, Verdict};
 use crate::step::{Demand, Output, State, Status, rest, step};
 use crate::supervisor::{Cause, Event, Fault, GENTLE, Mode, QUIET};
 use crate::table::{ModelDigest, ValidTable};
@@ -116,6 +116,10 @@ pub const SNAPSHOT: usize = 64;
 /// back.
 const HARD: f32 = 0.5;
 
+/// So many pilots that fail, with none that passes between, are a fault: what a
+/// shock did to one it does not do to the next.
+const STRIKES: u32 = 2;
+
 /// Telemetry that waits to be sent.
 const WAITING: usize = 8;
 
@@ -137,6 +141,8 @@ pub struct Controller<'a> {
     samples: Samples,
     watch: Watch,
     probe: Probe,
+    /// Pilots in a row that failed.
+    strikes: u32,
     injector: Option<Injector>,
     injection_begins: bool,
     injected: u64,
@@ -171,7 +177,8 @@ impl<'a> Controller<'a> {
             dac,
             samples: Samples::NONE,
             watch: Watch::NEW,
-            probe: Probe::new(),
+            probe: Probe::NEW,
+            strikes: 0,
             injector: None,
             injection_begins: false,
             injected: 0,
@@ -259,7 +266,11 @@ impl<'a> Controller<'a> {
         let output = self.drive(&mut state, samples);
         self.state = Some(state);
         let seen = (output.dac, output.status);
-        let cause = self.watch.see(&self.table, self.mode, samples, seen, late);
+        let calm = self.injector.is_none();
+        let cause = self
+            .watch
+            .see(&self.table, self.mode, samples, seen, late, calm);
+        let cause = cause.or_else(|| self.probed(samples, output));
         if self.mode.is_loop() && output.status.clamped {
             self.clamped = self.clamped.saturating_add(1);
         }
@@ -276,32 +287,19 @@ impl<'a> Controller<'a> {
     fn drive(&mut self, state: &mut State, samples: Samples) -> Output {
         match self.mode {
             Mode::Starting | Mode::Closed | Mode::Stopping => {
-                let length = self.table.get().supervision.settle;
-                let was = self.settling.0;
-                self.move_gain();
-                let (count, sums) = self.settling;
-                if count != was && count == length.saturating_mul(2) {
-                    state.settle(&self.table, sums, length);
+                if self.mode == Mode::Starting && self.gain >= QUIET {
+                    self.settle(state);
                 }
+                self.move_gain();
                 let demand = Demand {
                     gain: self.gain,
                     fade: self.fade,
-                    injection: self.inject(),
+                    injection: self.pilot().unwrap_or_else(|| self.inject()),
                 };
                 step(&self.table, state, samples, demand)
             }
             Mode::Testing => {
-                let push = match self.probe.advance(self.table.get(), samples) {
-                    Progress::Push(push) => push,
-                    Progress::Passed => {
-                        self.change(Event::Passed);
-                        LegForces::ZERO
-                    }
-                    Progress::Failed(cause) => {
-                        self.fail(cause);
-                        LegForces::ZERO
-                    }
-                };
+                let push = self.probe.push(self.table.get().self_test.open());
                 rest(&self.table, state, samples, push)
             }
             Mode::Idle => {
@@ -328,7 +326,8 @@ impl<'a> Controller<'a> {
             return;
         }
         let target = self.target;
-        if self.mode == Mode::Starting && self.gain >= QUIET && self.is_settling() {
+        let settled = self.settling.0 > self.table.get().supervision.settle.saturating_mul(2);
+        if self.mode == Mode::Starting && self.gain >= QUIET && !settled {
             return;
         }
         if self.gain > target {
@@ -343,31 +342,67 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// Whether a soft start still waits for the machine to come to rest. At the end
-    /// the AC coupling is settled on what the sensors then showed.
-    fn is_settling(&mut self) -> bool {
+    /// A soft start's wait for the machine to come to rest. At its end the AC coupling
+    /// is settled on what the sensors then showed.
+    fn settle(&mut self, state: &mut State) {
         let length = self.table.get().supervision.settle;
         let (count, sums) = &mut self.settling;
-        if *count >= length.saturating_mul(2) {
-            return false;
+        let whole = length.saturating_mul(2);
+        if *count > whole {
+            return;
         }
         *count += 1;
-        if *count > length {
+        if *count > whole {
+            state.settle(&self.table, *sums, length);
+        } else if *count > length {
             for (sum, code) in sums.iter_mut().zip(self.samples.sensors) {
                 *sum += i64::from(code.0);
             }
         }
-        true
     }
 
     /// The largest force of any leg, of its limit.
     fn push(&self) -> f32 {
         let legs = self.table.get().actuators.iter().zip(self.dac);
-        legs.map(|(drive, code)| {
-            let stroke = drive.gain * drive.limit;
-            ((f32::from(code.0) - drive.zero) / stroke).abs()
-        })
-        .fold(0.0, f32::max)
+        legs.map(|(drive, code)| (drive.force(code) / drive.limit).abs())
+            .fold(0.0, f32::max)
+    }
+
+    /// The pilot's push: with the loop closed, and nothing else injected.
+    fn pilot(&self) -> Option<LegForces> {
+        let course = self.table.get().self_test.closed()?;
+        let free = self.mode == Mode::Closed && self.injector.is_none();
+        free.then(|| self.probe.push(course))
+    }
+
+    /// What self-test or pilot make of a sample and the output to it.
+    fn probed(&mut self, samples: Samples, output: Output) -> Option<Cause> {
+        let table = self.table.get();
+        if self.mode == Mode::Testing {
+            let course = table.self_test.open();
+            match self.probe.see(table, course, samples, output.dac)? {
+                Verdict::Failed(cause) => return Some(cause),
+                Verdict::Passed | Verdict::Noisy => self.change(Event::Passed),
+            };
+            return None;
+        }
+        let course = table.self_test.closed()?;
+        if self.mode != Mode::Closed {
+            return None;
+        }
+        if self.injector.is_some() {
+            self.probe = Probe::NEW;
+            return None;
+        }
+        match self.probe.see(table, course, samples, output.dac)? {
+            Verdict::Passed => self.strikes = 0,
+            Verdict::Noisy => {}
+            Verdict::Failed(cause) => {
+                self.strikes += 1;
+                return (self.strikes >= STRIKES).then_some(cause);
+            }
+        }
+        None
     }
 
     fn inject(&mut self) -> LegForces {
@@ -430,9 +465,7 @@ impl<'a> Controller<'a> {
                 state.start();
             }
         }
-        if next == Mode::Testing {
-            self.probe = Probe::new();
-        }
+        (self.probe, self.strikes) = (Probe::NEW, 0);
         if !next.is_loop() {
             (self.gain, self.fade) = (0.0, 0.0);
         }

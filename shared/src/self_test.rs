@@ -1,12 +1,17 @@
-//! The self-test: each leg in turn pushes a small sine with the loop open, and
-//! what every sensor answers at that frequency is compared with what the model
-//! says. A sensor that is dead, inverted, swapped with another or of the wrong
-//! gain shows, and so does a leg.
+//! The self-test and the pilot: each leg in turn pushes a small sine, and what
+//! every sensor answers at that frequency is compared with what the model says. A
+//! sensor that is dead, inverted, swapped with another or of the wrong gain shows,
+//! and so does a leg.
+//!
+//! With Y what the sensors show at that frequency and U what all legs were given,
+//! Y = P·U whether the loop is open or closed. So the same plant P serves the
+//! self-test before the loop is closed and the pilot, far smaller and longer, while
+//! it is.
 
 use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
-use crate::codes::{Calibration, LegForces, Samples};
+use crate::codes::{Calibration, DacCode, LegForces, Samples};
 use crate::injection::sine;
 use crate::supervisor::Cause;
 use crate::table::{Table, TableError};
@@ -24,6 +29,20 @@ impl Phasor {
     /// Nothing.
     pub const ZERO: Self = Self { re: 0.0, im: 0.0 };
 
+    fn times(self, other: Self) -> Self {
+        Self {
+            re: self.re * other.re - self.im * other.im,
+            im: self.re * other.im + self.im * other.re,
+        }
+    }
+
+    fn minus(self, other: Self) -> Self {
+        Self {
+            re: self.re - other.re,
+            im: self.im - other.im,
+        }
+    }
+
     fn square(self) -> f32 {
         self.re * self.re + self.im * self.im
     }
@@ -34,12 +53,16 @@ impl Phasor {
 pub struct SelfTest {
     /// The sine's turns per sample, in 2³² parts.
     pub step: u32,
-    /// Its size, N.
+    /// Its size in the self-test, N.
     pub amplitude: f32,
-    /// Samples before a leg is measured: its first swing dies out.
+    /// Samples before a leg is measured: the swing of its first push dies out.
     pub settle: u32,
-    /// Samples a leg is measured: whole periods.
+    /// Samples that the self-test measures a leg.
     pub measure: u32,
+    /// The sine's size with the loop closed, N; 0 for no pilot.
+    pub pilot: f32,
+    /// Samples that the pilot measures a leg.
+    pub watch: u32,
     /// How far an answer may be off, of what it should be: root of the sum of
     /// squares over all legs for a sensor, over the sensors of a kind for a leg.
     pub tolerance: f32,
@@ -49,8 +72,39 @@ pub struct SelfTest {
     pub forces: [[Phasor; LEGS]; LEGS],
 }
 
+/// How the legs are probed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Course {
+    amplitude: f32,
+    measure: u32,
+    /// At the end the noise is measured as a leg is.
+    listens: bool,
+}
+
 impl SelfTest {
-    /// Samples that the whole test takes.
+    /// With the loop open.
+    pub const fn open(&self) -> Course {
+        Course {
+            amplitude: self.amplitude,
+            measure: self.measure,
+            listens: false,
+        }
+    }
+
+    /// With the loop closed; none without a pilot.
+    pub const fn closed(&self) -> Option<Course> {
+        if self.pilot > 0.0 {
+            Some(Course {
+                amplitude: self.pilot,
+                measure: self.watch,
+                listens: true,
+            })
+        } else {
+            None
+        }
+    }
+
+    /// Samples that the self-test takes.
     pub const fn length(&self) -> u64 {
         LEGS as u64 * (self.settle as u64 + self.measure as u64)
     }
@@ -65,8 +119,12 @@ impl SelfTest {
             finite = finite && b.re.is_finite() && b.im.is_finite();
             i += 1;
         }
-        let sizes = self.amplitude > 0.0 && self.amplitude.is_finite();
-        if finite && sizes && self.step > 0 && self.measure > 0 && self.tolerance > 0.0 {
+        let sizes = self.amplitude > 0.0
+            && self.amplitude.is_finite()
+            && self.pilot >= 0.0
+            && self.pilot.is_finite();
+        let lengths = self.step > 0 && self.measure > 0 && self.watch > 0;
+        if finite && sizes && lengths && self.tolerance > 0.0 {
             Ok(())
         } else {
             Err(TableError::SelfTest)
@@ -74,117 +132,185 @@ impl SelfTest {
     }
 }
 
-/// A test under way.
+/// A probe of all legs under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
+    /// The leg that pushes; one past the last while it listens.
     leg: usize,
     at: u32,
     phase: u32,
-    /// By kind, leg and sensor.
-    answers: [[[Phasor; LEGS]; LEGS]; 2],
+    /// What this leg's window has shown: by kind and sensor, units; by leg, N.
+    shown: [[Phasor; LEGS]; 2],
+    given: [Phasor; LEGS],
+    /// Over all legs, squared: by sensor how far its answers were off, and what they
+    /// should have been.
+    sensors: [(f32, f32); 2 * LEGS],
+    /// By leg: the larger of the kinds' squared errors, of what it should be, and by
+    /// kind what that was.
+    legs: [(f32, [f32; 2]); LEGS],
 }
 
-/// How a test goes on.
+/// What came of a probe.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Progress {
-    /// The forces of this sample.
-    Push(LegForces),
+pub enum Verdict {
     /// All is well.
     Passed,
     /// It is not.
     Failed(Cause),
+    /// There was too much noise to tell.
+    Noisy,
 }
 
 impl Probe {
     /// From the start.
-    pub const fn new() -> Self {
-        Self {
-            leg: 0,
-            at: 0,
-            phase: 0,
-            answers: [[[Phasor::ZERO; LEGS]; LEGS]; 2],
-        }
-    }
+    pub const NEW: Self = Self {
+        leg: 0,
+        at: 0,
+        phase: 0,
+        shown: [[Phasor::ZERO; LEGS]; 2],
+        given: [Phasor::ZERO; LEGS],
+        sensors: [(0.0, 0.0); 2 * LEGS],
+        legs: [(0.0, [0.0; 2]); LEGS],
+    };
 
-    /// One sample, which answers the push before it.
-    pub fn advance(&mut self, table: &Table, samples: Samples) -> Progress {
-        let test = &table.self_test;
-        if self.leg >= LEGS {
-            return self.verdict(table);
-        }
-        if self.at >= test.settle {
-            // The phase is that of this sample's push; a quarter turn ahead for
-            // the cosine. Lock-in: the conjugate of the phasor, times 2/n.
-            let (sin, cos) = (sine(self.phase), sine(self.phase.wrapping_add(1 << 30)));
-            let scale = 2.0 / (test.amplitude * test.measure as f32);
-            let beside = table.complement().map(|complement| &complement.sensors);
-            let kinds: [(Option<&[Calibration; LEGS]>, _); 2] = [
-                (Some(&table.sensors), samples.sensors),
-                (beside, samples.forces),
-            ];
-            for (answers, (sensors, codes)) in self.answers.iter_mut().zip(kinds) {
-                let (Some(sensors), Some(answers)) = (sensors, answers.get_mut(self.leg)) else {
-                    continue;
-                };
-                for i in 0..LEGS {
-                    let value = scale * sensors[i].value(codes[i]);
-                    answers[i].re += value * sin;
-                    answers[i].im += value * cos;
-                }
-            }
-        }
+    /// The forces of this sample.
+    pub fn push(&self, course: Course) -> LegForces {
         let mut push = LegForces::ZERO;
         if let Some(force) = push.0.get_mut(self.leg) {
-            *force = test.amplitude * sine(self.phase);
+            *force = course.amplitude * sine(self.phase);
+        }
+        push
+    }
+
+    /// One sample: what the sensors read, and then the legs were given. At the end
+    /// of all, what came of it; the next sample begins anew.
+    pub fn see(
+        &mut self,
+        table: &Table,
+        course: Course,
+        samples: Samples,
+        dac: [DacCode; LEGS],
+    ) -> Option<Verdict> {
+        let test = &table.self_test;
+        if self.at >= test.settle {
+            self.add(table, course, samples, dac);
         }
         self.phase = self.phase.wrapping_add(test.step);
         self.at += 1;
-        if self.at >= test.settle.saturating_add(test.measure) {
-            (self.leg, self.at, self.phase) = (self.leg + 1, 0, 0);
+        if self.at < test.settle.saturating_add(course.measure) {
+            return None;
         }
-        Progress::Push(push)
+        let noise = self.close(table);
+        self.leg += 1;
+        (self.at, self.phase) = (0, 0);
+        (self.shown, self.given) = ([[Phasor::ZERO; LEGS]; 2], [Phasor::ZERO; LEGS]);
+        let last = if course.listens { LEGS } else { LEGS - 1 };
+        if self.leg <= last {
+            return None;
+        }
+        let verdict = self.verdict(test, if course.listens { noise } else { [0.0; 2] });
+        *self = Self::NEW;
+        Some(verdict)
     }
 
-    #[inline(never)]
-    fn verdict(&self, table: &Table) -> Progress {
-        let test = &table.self_test;
-        let square = test.tolerance * test.tolerance;
-        // Squared errors of what they should be, by sensor and by leg.
-        let mut sensors = [0.0f32; 2 * LEGS];
-        let mut legs = [0.0f32; LEGS];
-        let kinds = if table.complement().is_some() { 2 } else { 1 };
-        let expected = [&test.sensors, &test.forces];
-        for kind in 0..kinds {
-            let (found, expected) = (&self.answers[kind], expected[kind]);
-            let off = |leg: usize, sensor: usize| {
-                let (a, b) = (found[leg][sensor], expected[leg][sensor]);
-                let difference = Phasor {
-                    re: a.re - b.re,
-                    im: a.im - b.im,
-                };
-                (difference.square(), b.square())
-            };
-            let over = |pairs: &mut dyn Iterator<Item = (f32, f32)>| {
-                let (error, whole) = pairs.fold((0.0, 0.0), |(e, w), (a, b)| (e + a, w + b));
-                // A NaN is as far off as can be.
-                let ratio = error / whole;
-                if ratio.is_nan() { f32::MAX } else { ratio }
-            };
+    /// Lock-in: the conjugate of the sine's phasor, in a Hann window, which keeps
+    /// out what is at other frequencies.
+    fn add(&mut self, table: &Table, course: Course, samples: Samples, dac: [DacCode; LEGS]) {
+        let measure = course.measure.max(1);
+        // Half a turn of squared sine: (1 − cos)/2.
+        let turn = (u64::from(self.at - table.self_test.settle) << 32) / u64::from(measure);
+        // Less than a whole one.
+        let turn = turn as u32;
+        let window = 1.0 - sine(turn.wrapping_add(1 << 30));
+        let scale = 2.0 * window / measure as f32;
+        let (sin, cos) = (
+            scale * sine(self.phase),
+            scale * sine(self.phase.wrapping_add(1 << 30)),
+        );
+        let beside = table.complement().map(|complement| &complement.sensors);
+        let kinds: [(Option<&[Calibration; LEGS]>, _); 2] = [
+            (Some(&table.sensors), samples.sensors),
+            (beside, samples.forces),
+        ];
+        for (shown, (sensors, codes)) in self.shown.iter_mut().zip(kinds) {
+            let Some(sensors) = sensors else { continue };
             for i in 0..LEGS {
-                sensors[kind * LEGS + i] = over(&mut (0..LEGS).map(|leg| off(leg, i)));
-                let leg = over(&mut (0..LEGS).map(|sensor| off(i, sensor)));
-                legs[i] = legs[i].max(leg);
+                let value = sensors[i].value(codes[i]);
+                shown[i].re += value * sin;
+                shown[i].im += value * cos;
             }
         }
+        for ((given, drive), code) in self.given.iter_mut().zip(&table.actuators).zip(dac) {
+            let force = drive.force(code);
+            given.re += force * sin;
+            given.im += force * cos;
+        }
+    }
+
+    /// The end of a leg's window; gives the squared error, by kind.
+    #[inline(never)]
+    fn close(&mut self, table: &Table) -> [f32; 2] {
+        let plant = [&table.self_test.sensors, &table.self_test.forces];
+        let kinds = if table.complement().is_some() { 2 } else { 1 };
+        let mut errors = [0.0; 2];
+        let mut wholes = [0.0; 2];
+        for kind in 0..kinds {
+            for i in 0..LEGS {
+                let mut expected = Phasor::ZERO;
+                for (answers, given) in plant[kind].iter().zip(self.given) {
+                    let part = answers[i].times(given);
+                    expected.re += part.re;
+                    expected.im += part.im;
+                }
+                let error = self.shown[kind][i].minus(expected).square();
+                let whole = expected.square();
+                errors[kind] += error;
+                wholes[kind] += whole;
+                if self.leg < LEGS {
+                    let sums = &mut self.sensors[kind * LEGS + i];
+                    *sums = (sums.0 + error, sums.1 + whole);
+                }
+            }
+        }
+        if let Some(leg) = self.legs.get_mut(self.leg) {
+            let worst = (0..kinds)
+                .map(|kind| over(errors[kind], wholes[kind]))
+                .fold(0.0, f32::max);
+            *leg = (worst, wholes);
+        }
+        errors
+    }
+
+    fn verdict(&self, test: &SelfTest, noise: [f32; 2]) -> Verdict {
+        let square = test.tolerance * test.tolerance;
+        for (kind, noise) in noise.into_iter().enumerate() {
+            let answers = self.legs.iter().map(|(_, wholes)| wholes[kind]);
+            let weakest = answers.fold(f32::MAX, f32::min);
+            // Half of what would be told as a fault.
+            if noise > 0.25 * square * weakest {
+                return Verdict::Noisy;
+            }
+        }
+        let sensors = self.sensors.map(|(error, whole)| {
+            // No such sensor.
+            if whole == 0.0 && error == 0.0 {
+                0.0
+            } else {
+                over(error, whole)
+            }
+        });
+        let legs = self.legs.map(|(error, _)| error);
         let worst = |errors: &[f32]| errors.iter().copied().fold(0.0, f32::max);
         let [by_sensor, by_leg] = [worst(&sensors), worst(&legs)];
         if by_sensor <= square && by_leg <= square {
-            return Progress::Passed;
+            return Verdict::Passed;
         }
-        let bits = |errors: &[f32]| {
+        // With the loop closed every leg answers what one does wrong; theirs is the
+        // smaller part.
+        let bits = |errors: &[f32], worst: f32| {
             let mut bits = 0u16;
             for (i, error) in errors.iter().enumerate() {
-                if *error > square {
+                if *error > square && *error > 0.5 * worst {
                     bits |= 1 << i;
                 }
             }
@@ -192,16 +318,16 @@ impl Probe {
         };
         // A dead sensor is off by all it should give and every leg a little, and
         // the other way round.
-        Progress::Failed(if by_sensor >= by_leg {
-            Cause::TestSensors(bits(&sensors))
+        Verdict::Failed(if by_sensor >= by_leg {
+            Cause::TestSensors(bits(&sensors, by_sensor))
         } else {
-            Cause::TestLegs(bits(&legs) as u8)
+            Cause::TestLegs(bits(&legs, by_leg) as u8)
         })
     }
 }
 
-impl Default for Probe {
-    fn default() -> Self {
-        Self::new()
-    }
+/// A NaN is as far off as can be.
+fn over(error: f32, whole: f32) -> f32 {
+    let ratio = error / whole;
+    if ratio.is_nan() { f32::MAX } else { ratio }
 }

@@ -119,9 +119,9 @@ pub enum Cause {
     Stuck(u16),
     /// Sensors that move far more or far less than the others.
     Implausible(u16),
-    /// The self-test: sensors that did not answer as the model says.
+    /// Self-test or pilot: sensors that did not answer as the model says.
     TestSensors(u16),
-    /// The self-test: legs that did not push as the model says.
+    /// Self-test or pilot: legs that did not push as the model says.
     TestLegs(u8),
     /// Too many samples in a row were not read.
     Lost,
@@ -135,6 +135,9 @@ pub enum Cause {
     Diverging,
     /// Nobody was heard on the link for too long.
     Silent,
+    /// Sensors whose codes jump there and back, as bits turned on a bus or a bad
+    /// contact do.
+    Erratic(u16),
 }
 
 /// A latched fault.
@@ -170,6 +173,12 @@ pub struct Supervision {
     /// A sensor this long at one code is a fault; 0 to leave it out, where quiet
     /// sensors do that.
     pub stuck: u32,
+    /// One code of a sensor that is this far from those before and after it, and many
+    /// times as far as they are from each other, is a spike; by kind, 0 to leave it
+    /// out.
+    pub spike: [u16; 2],
+    /// So many spikes within a second are a fault.
+    pub spikes: u32,
     /// So many samples in a row not read are a fault.
     pub lost: u32,
     /// More deadlines missed in a window than this are a fault.
@@ -203,6 +212,7 @@ impl Supervision {
             && self.settle > 0
             && self.rail > 0
             && self.lost > 0
+            && self.spikes > 0
             && self.saturated > 0
             && self.window > 1
             // The sums of a window.

@@ -14,7 +14,7 @@ use crate::supervisor::Supervision;
 use crate::{CRC_32, LEGS};
 
 /// The table layout this code reads.
-pub const FORMAT_VERSION: u16 = 5;
+pub const FORMAT_VERSION: u16 = 6;
 
 /// SHA-256 of the machine description a table was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

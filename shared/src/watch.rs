@@ -9,12 +9,25 @@ use crate::table::{Table, ValidTable};
 /// Sensors of both kinds.
 const SENSORS: usize = 2 * LEGS;
 
+/// Samples over which a sensor's usual jump is averaged.
+const USUAL: i32 = 64;
+
+/// A spike is this many times larger: no vibration is, whatever its frequency.
+const FAR: i32 = 8;
+
 /// What the monitors remember.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Watch {
     rail: [u32; SENSORS],
     still: [u32; SENSORS],
     before: [AdcCode; SENSORS],
+    /// From sample to sample, the last three of them, the oldest first.
+    jumps: [[i32; SENSORS]; 3],
+    /// Their usual size: its average of late, times [`USUAL`].
+    level: [i32; SENSORS],
+    /// Spikes in the last second, and how much of that is over.
+    spikes: [u32; SENSORS],
+    second: u32,
     lost: u32,
     saturated: u32,
     silence: u32,
@@ -87,6 +100,10 @@ impl Watch {
         rail: [0; SENSORS],
         still: [0; SENSORS],
         before: [AdcCode(0); SENSORS],
+        jumps: [[0; SENSORS]; 3],
+        level: [0; SENSORS],
+        spikes: [0; SENSORS],
+        second: 0,
         lost: 0,
         saturated: 0,
         silence: 0,
@@ -108,7 +125,8 @@ impl Watch {
     }
 
     /// One sample with what the step made of it; `late` if the deadline before it
-    /// was missed.
+    /// was missed, `calm` if nothing is injected: legs that jump, as those that are at
+    /// their limits do, make jumps in the sensors.
     pub fn see(
         &mut self,
         table: &ValidTable,
@@ -116,6 +134,7 @@ impl Watch {
         samples: Samples,
         (dac, status): ([DacCode; LEGS], Status),
         late: bool,
+        calm: bool,
     ) -> Option<Cause> {
         let table = table.get();
         let limits = &table.supervision;
@@ -135,6 +154,7 @@ impl Watch {
                 0
             };
         }
+        self.count_spikes(table, codes, calm && !status.clamped);
         self.before = codes;
         if mode.is_loop() && status.clamped {
             // Four steps up and one down: a limit cycle that is clamped in some of
@@ -162,6 +182,10 @@ impl Watch {
         {
             return Some(Cause::Stuck(bits));
         }
+        if self.spikes.iter().sum::<u32>() >= limits.spikes {
+            let most = self.spikes.iter().copied().fold(0, u32::max);
+            return mask(table, |i| 2 * self.spikes[i] >= most).map(Cause::Erratic);
+        }
         if self.saturated / 4 >= limits.saturated {
             return Some(Cause::Saturated);
         }
@@ -175,6 +199,29 @@ impl Watch {
             return self.close_window(table, mode);
         }
         None
+    }
+
+    fn count_spikes(&mut self, table: &Table, codes: [AdcCode; SENSORS], calm: bool) {
+        self.second += 1;
+        // Rates are positive and far below 2³².
+        if self.second >= table.sample_rate as u32 {
+            self.second = 0;
+            self.spikes = [0; SENSORS];
+        }
+        let limits = table.supervision.spike;
+        let [first, there, back] = self.jumps;
+        let now: [i32; SENSORS] =
+            core::array::from_fn(|i| i32::from(codes[i].0) - i32::from(self.before[i].0));
+        for i in 0..count(table) {
+            let limit = i32::from(limits[i / LEGS]);
+            let size = there[i].abs().min(back[i].abs());
+            // Quiet before, and back to about where it was.
+            let alone = 4 * first[i].abs() <= size && 2 * (there[i] + back[i]).abs() <= size;
+            let far = size >= limit && size >= FAR * self.level[i] / USUAL;
+            self.spikes[i] += u32::from(limit > 0 && alone && far && calm);
+            self.level[i] += now[i].abs() - self.level[i] / USUAL;
+        }
+        self.jumps = [there, back, now];
     }
 
     fn add(&mut self, table: &Table, codes: [AdcCode; SENSORS], dac: [DacCode; LEGS], late: bool) {

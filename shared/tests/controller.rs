@@ -94,26 +94,33 @@ struct Bench<'a> {
     count: i16,
     /// Sensor 2 reads the opposite.
     inverted: bool,
+    /// A leg that pushes with this part of what it is asked.
+    weak: Option<(usize, f64)>,
 }
 
 impl<'a> Bench<'a> {
     fn new(room: &'a mut [Record]) -> Self {
-        let table = plain();
+        Self::with(plain(), room)
+    }
+
+    fn with(table: ValidTable, room: &'a mut [Record]) -> Self {
         Self {
             controller: Controller::new(table, table.checksum(), room),
             dac: table.safe_codes(),
             count: 0,
             inverted: false,
+            weak: None,
         }
     }
 
     fn samples(&mut self) -> Samples {
         self.count = self.count.wrapping_add(1);
-        let mut codes = self.dac.map(|code| {
-            let force = (f64::from(code.0) - 32768.0) / 131.072;
-            // A little of something, so that nothing is stuck.
-            AdcCode((100.0 * force) as i16 + self.count % 3)
-        });
+        let mut forces = self.dac.map(|code| (f64::from(code.0) - 32768.0) / 131.072);
+        if let Some((leg, part)) = self.weak {
+            forces[leg] *= part;
+        }
+        // A little of something, so that nothing is stuck.
+        let mut codes = forces.map(|force| AdcCode((100.0 * force) as i16 + self.count % 3));
         if self.inverted {
             codes[1].0 = -codes[1].0;
         }
@@ -164,6 +171,71 @@ fn the_self_test_names_the_sensor() {
     bench.controller.ask(Event::SelfTest).unwrap();
     bench.run(6 * 128 + 2);
     assert_eq!(bench.cause(), Some(Cause::TestSensors(1 << 1)));
+}
+
+/// The pilot, with the loop closed: passes what is as it should be however long,
+/// tells of a leg that pushes with half of what it is asked, not at the first sight of
+/// it, and waits while something else is injected. On the bench a leg and its sensor
+/// are one.
+#[test]
+fn the_pilot_names_the_place() {
+    let mut t = *plain().get();
+    t.self_test.pilot = 5.0;
+    t.self_test.watch = 1280;
+    let t = t.validate().unwrap();
+    let cycle = 7 * 1280;
+    let mut bench = Bench::with(t, &mut []);
+    bench.reach_closed();
+    bench.run(5 * cycle);
+    assert_eq!(bench.cause(), None);
+    bench.weak = Some((4, 0.5));
+    bench.run(cycle);
+    assert_eq!(bench.cause(), None);
+    bench.run(3 * cycle);
+    assert_eq!(bench.cause(), Some(Cause::TestSensors(1 << 4)));
+
+    let mut bench = Bench::with(t, &mut []);
+    bench.reach_closed();
+    let injection = Injection {
+        signal: Signal::Noise { seed: 1 },
+        legs: [20.0; LEGS],
+        samples: 5 * cycle as u32,
+    };
+    bench.controller.start_injection(injection).unwrap();
+    bench.weak = Some((4, 0.5));
+    bench.run(5 * cycle);
+    assert_eq!(bench.cause(), None);
+    bench.run(3 * cycle);
+    assert_eq!(bench.cause(), Some(Cause::TestSensors(1 << 4)));
+}
+
+/// A bit turned now and then in one sensor is told; the same in a signal that moves
+/// as much from sample to sample is not seen, nor is a single one.
+#[test]
+fn turned_bits_are_told() {
+    let mut t = *plain().get();
+    t.supervision.spike = [48; 2];
+    let t = t.validate().unwrap();
+    let run = |every: i16, moves: i16| {
+        let mut bench = Bench::with(t, &mut []);
+        bench.reach_idle();
+        for k in 0..19_000i16 {
+            let mut samples = bench.samples();
+            // From nothing, as a vibration comes.
+            let moves = moves / 1000 * k.min(1000);
+            for code in &mut samples.sensors {
+                code.0 += if k % 2 == 0 { moves } else { -moves };
+            }
+            if k % every == every - 1 {
+                samples.sensors[3].0 ^= 1 << 9;
+            }
+            bench.dac = bench.controller.on_sample(samples.into());
+        }
+        bench.cause()
+    };
+    assert_eq!(run(1000, 0), Some(Cause::Erratic(1 << 3)));
+    assert_eq!(run(15_000, 0), None);
+    assert_eq!(run(1000, 2000), None);
 }
 
 /// Each fault from the closed loop: its cause, a straight way to the safe codes

@@ -35,6 +35,18 @@ enum Task {
         #[arg(long, default_value_t = SAMPLES)]
         samples: u32,
     },
+    /// The firmware on an emulated Cortex-M7 with the simulated plant at its
+    /// converters, its link on TCP for `host-gen link`, until it is stopped.
+    Emulate {
+        #[command(flatten)]
+        setup: Setup,
+        /// A machine with a table in the firmware.
+        #[arg(default_value = MODEL)]
+        model: String,
+        /// Address of the link.
+        #[arg(long, default_value = "127.0.0.1:7700")]
+        listen: String,
+    },
     /// Instructions per controller step on both emulated boards, against the
     /// baseline in firmware/instructions.txt.
     Bench {
@@ -90,6 +102,11 @@ fn main() -> ExitCode {
         Task::Pil { setup, samples } => {
             Tools::find(!setup.no_install).and_then(|tools| pil(&tools, samples))
         }
+        Task::Emulate {
+            setup,
+            model,
+            listen,
+        } => Tools::find(!setup.no_install).and_then(|tools| emulate(&tools, &model, &listen)),
         Task::Bench { setup, update } => {
             Tools::find(!setup.no_install).and_then(|tools| bench(&tools, update))
         }
@@ -143,6 +160,22 @@ fn pil(tools: &Tools, samples: u32) -> Outcome<()> {
         run(&mut command)?;
     }
     Ok(())
+}
+
+fn emulate(tools: &Tools, model: &str, listen: &str) -> Outcome<()> {
+    let [_, board] = &BOARDS;
+    let Some((_, image, _)) = CONTROLLED.iter().find(|(name, ..)| *name == model) else {
+        let names = CONTROLLED.map(|(name, ..)| name).join(", ");
+        return Err(format!(
+            "{model} has no table in the firmware; {names} have"
+        ));
+    };
+    let image = boards::build(board, tools)?.join(image);
+    let mut command = cargo();
+    command.args(["run", "--release", "--package", "tests", "--bin", "pil"]);
+    command.args(["--", "--model", model, "--listen", listen]);
+    command.arg("--board").arg(board.machine).arg(image);
+    run(&mut command)
 }
 
 /// Where the instruction counts are kept.

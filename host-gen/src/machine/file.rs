@@ -367,6 +367,10 @@ pub struct Supervision {
     /// A sensor this long at one code is a fault, s; 0 to leave it out. If not
     /// given, 0.1, or 0 where sensor and ADC are too quiet for that.
     pub stuck: Option<f64>,
+    /// One code this far from those before and after it is a spike, codes; 0 to leave it out. If not given, twenty times the noise and at least 48.
+    pub spike: Option<u16>,
+    /// So many spikes within a second are a fault.
+    pub spikes: u32,
     /// So many samples in a row not read are a fault.
     pub lost: u32,
     /// More deadlines missed in a window are a fault.
@@ -395,6 +399,11 @@ pub struct Supervision {
     pub test_force: f64,
     /// How long the self-test measures a leg, s.
     pub test_time: f64,
+    /// The pilot's push with the loop closed, N; 0 to leave it out. If not given, so
+    /// much that its answer stands far above the sensors' noise.
+    pub pilot: Option<f64>,
+    /// How long the pilot measures a leg, s.
+    pub pilot_time: f64,
     /// How far an answer may be off, part of what it should be.
     pub test_tolerance: f64,
 }
@@ -407,6 +416,8 @@ impl Default for Supervision {
             safe_ramp: 0.05,
             rail: 0.005,
             stuck: None,
+            spike: None,
+            spikes: 5,
             lost: 3,
             late: 3,
             saturated: None,
@@ -420,6 +431,8 @@ impl Default for Supervision {
             strange: 20,
             test_force: 0.05,
             test_time: 0.25,
+            pilot: None,
+            pilot_time: 0.5,
             test_tolerance: 0.4,
         }
     }

@@ -631,6 +631,7 @@ fn supervision(s: &file::Supervision, sample_rate: f64) -> Checked<()> {
         ("saturated", s.saturated.unwrap_or(s.settle)),
         ("window", s.window),
         ("test_time", s.test_time),
+        ("pilot_time", s.pilot_time),
     ] {
         let entry = format!("supervision.{key}");
         positive(&entry, time)?;
@@ -668,7 +669,13 @@ fn supervision(s: &file::Supervision, sample_rate: f64) -> Checked<()> {
         }
     }
     positive("supervision.test_tolerance", s.test_tolerance)?;
-    for (key, count) in [("lost", s.lost), ("grown", s.grown), ("strange", s.strange)] {
+    not_negative("supervision.pilot", s.pilot.unwrap_or(0.0))?;
+    for (key, count) in [
+        ("lost", s.lost),
+        ("grown", s.grown),
+        ("strange", s.strange),
+        ("spikes", s.spikes),
+    ] {
         if count == 0 {
             return Err(Fault::new(format!("supervision.{key}"), "is at least 1"));
         }

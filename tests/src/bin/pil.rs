@@ -3,7 +3,8 @@
 //! controller beside it and compares every code and every answer; the board's codes
 //! move the plant.
 //!
-//! A whole session: identity, self-test, injection, recording, soft start, closed
+//! With `--listen` no session runs: the plant moves the board for ever, and the board's
+//! link is on TCP for whoever comes. Otherwise a whole session: identity, self-test, injection, recording, soft start, closed
 //! loop with shocks, a fault, safe state, snapshot, clearing, restart.
 
 #![forbid(unsafe_code)]
@@ -26,6 +27,7 @@ use shared::injection::{Injection, Signal};
 use shared::link::{Cutter, Packet, Reply, Request, Server, VERSION, encode};
 use shared::recorder::{Record, Recording, Trigger};
 use shared::supervisor::{Cause, Mode};
+use tempfile::TempDir;
 
 /// Runs the firmware on emulated boards against the simulated plant.
 #[derive(Parser)]
@@ -35,8 +37,11 @@ struct Cli {
     model: PathBuf,
     /// Samples per board with the loop closed; the rest of the session comes on
     /// top.
-    #[arg(long)]
+    #[arg(long, default_value_t = 200_000)]
     samples: u32,
+    /// No session: one board runs until it is stopped, its link at this address.
+    #[arg(long, value_name = "ADDRESS")]
+    listen: Option<String>,
     /// The emulator's name of a board, and the image with the machine's table.
     /// Without any, the host rehearses the session alone, in seconds.
     #[arg(long, num_args = 2, value_names = ["MACHINE", "IMAGE"])]
@@ -89,6 +94,12 @@ fn run(cli: &Cli) -> Outcome<bool> {
         return Ok(true);
     }
     let boards: Vec<_> = cli.board.chunks_exact(2).collect();
+    if let Some(address) = &cli.listen {
+        let [board] = boards[..] else {
+            return Err("--listen takes one board".into());
+        };
+        return serve(&study, &board[0], Path::new(&board[1]), address);
+    }
     // Side by side: most of the time goes into waiting for single bytes.
     let results = thread::scope(|scope| {
         let threads: Vec<_> = boards
@@ -122,6 +133,30 @@ fn run(cli: &Cli) -> Outcome<bool> {
         good &= count.equal == count.samples && count.answers_equal == count.answers;
     }
     Ok(good)
+}
+
+/// The plant on a board's converters, for ever.
+fn serve(study: &Study, machine: &str, image: &Path, address: &str) -> Outcome<bool> {
+    let socket = Socket::new("converters")?;
+    let link = format!("tcp:{address},server=on,wait=off");
+    let mut process = emulator(machine, image, &[&socket.argument(), &link])?;
+    let mut converters = socket.accept(&mut process)?;
+    let mut rig = Rig::new(
+        study.plant.clone(),
+        &study.machine.board,
+        &study.machine.simulation,
+    );
+    let mut sample = || -> Outcome<()> {
+        let request = request(rig.sample());
+        rig.advance(parse_reply(&exchange(&mut converters, &request)?)?);
+        Ok(())
+    };
+    // An emulator that answers has its link too.
+    sample()?;
+    println!("listening on {address}");
+    loop {
+        sample()?;
+    }
 }
 
 #[derive(Default)]
@@ -226,6 +261,9 @@ impl Session<'_> {
             self.sample()?;
         }
         self.rig.floor_gain = 1.0;
+        if let Some(fault) = self.host.report().fault {
+            return Err(format!("the loop opened by itself: {fault:?}").into());
+        }
         if samples >= 30_000 && self.host.report().clamped == 0 {
             return Err("the run was to hold clamped samples".into());
         }
@@ -258,7 +296,7 @@ impl Session<'_> {
         }
         let expected = self.host.on_sample(adc.into());
         let dac = match &mut self.board {
-            Some(board) => parse_reply(&board.exchange(&request(adc))?)?,
+            Some(board) => parse_reply(&exchange(&mut board.converters, &request(adc))?)?,
             None => expected,
         };
         self.count.samples += 1;
@@ -401,56 +439,21 @@ impl Session<'_> {
 
 /// An emulator with its UARTs on sockets.
 struct Emulated {
-    process: Child,
+    _process: Running,
     converters: UnixStream,
     link: UnixStream,
 }
 
 impl Emulated {
     fn start(machine: &str, image: &Path) -> Outcome<Self> {
-        let folder = tempfile::tempdir()?;
-        let sockets = ["converters", "link"].map(|name| folder.path().join(name));
-        let mut listeners = Vec::new();
-        for socket in &sockets {
-            let listener = UnixListener::bind(socket)?;
-            listener.set_nonblocking(true)?;
-            listeners.push(listener);
-        }
-        let mut command = Command::new("qemu-system-arm");
-        command
-            .args(["-M", machine, "-display", "none", "-monitor", "none"])
-            .args(["-semihosting-config", "enable=on,target=native"]);
-        for socket in &sockets {
-            command
-                .arg("-serial")
-                .arg(format!("unix:{}", socket.display()));
-        }
-        let mut process = command
-            .arg("-kernel")
-            .arg(image)
-            .stdin(Stdio::null())
-            .spawn()?;
-        let mut lines = Vec::new();
-        for listener in &listeners {
-            lines.push(accept(listener, &mut process)?);
-        }
-        let (Some(link), Some(converters)) = (lines.pop(), lines.pop()) else {
-            return Err("a board has two lines".into());
-        };
+        let [converters, link] = [Socket::new("converters")?, Socket::new("link")?];
+        let arguments = [converters.argument(), link.argument()];
+        let mut process = emulator(machine, image, &[&arguments[0], &arguments[1]])?;
         Ok(Self {
-            process,
-            converters,
-            link,
+            converters: converters.accept(&mut process)?,
+            link: link.accept(&mut process)?,
+            _process: process,
         })
-    }
-
-    fn exchange(&mut self, request: &[u8; REQUEST]) -> Outcome<[u8; REPLY]> {
-        self.converters.write_all(request)?;
-        let mut reply = [0; REPLY];
-        self.converters
-            .read_exact(&mut reply)
-            .map_err(|error| format!("the board does not answer: {error}"))?;
-        Ok(reply)
     }
 
     /// Sends a frame over the link and waits for one.
@@ -468,32 +471,81 @@ impl Emulated {
     }
 }
 
-fn accept(listener: &UnixListener, process: &mut Child) -> Outcome<UnixStream> {
-    let start = Instant::now();
-    let line = loop {
-        match listener.accept() {
-            Ok((line, _)) => break line,
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-            Err(error) => return Err(error.into()),
-        }
-        if let Some(status) = process.try_wait()? {
-            return Err(format!("the emulator ended at once ({status})").into());
-        }
-        if start.elapsed() > SILENCE {
-            process.kill()?;
-            return Err("the emulator did not connect its UARTs".into());
-        }
-        thread::sleep(Duration::from_millis(5));
-    };
-    line.set_nonblocking(false)?;
-    line.set_read_timeout(Some(SILENCE))?;
-    Ok(line)
+/// One sample over the converters' line.
+fn exchange(converters: &mut UnixStream, request: &[u8; REQUEST]) -> Outcome<[u8; REPLY]> {
+    converters.write_all(request)?;
+    let mut reply = [0; REPLY];
+    converters
+        .read_exact(&mut reply)
+        .map_err(|error| format!("the board does not answer: {error}"))?;
+    Ok(reply)
 }
 
-impl Drop for Emulated {
+/// Starts the emulator with its UARTs, in order, at `serials`.
+fn emulator(machine: &str, image: &Path, serials: &[&str]) -> Outcome<Running> {
+    let mut command = Command::new("qemu-system-arm");
+    command
+        .args(["-M", machine, "-display", "none", "-monitor", "none"])
+        .args(["-semihosting-config", "enable=on,target=native"]);
+    for serial in serials {
+        command.args(["-serial", serial]);
+    }
+    command.arg("-kernel").arg(image).stdin(Stdio::null());
+    Ok(Running(command.spawn()?))
+}
+
+/// A process that ends with its owner.
+struct Running(Child);
+
+impl Drop for Running {
     fn drop(&mut self) {
         // It may have ended already; there is nothing else to do about it.
-        let _ = self.process.kill();
-        let _ = self.process.wait();
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A socket that the emulator connects a UART to.
+struct Socket {
+    folder: TempDir,
+    name: &'static str,
+    listener: UnixListener,
+}
+
+impl Socket {
+    fn new(name: &'static str) -> Outcome<Self> {
+        let folder = tempfile::tempdir()?;
+        let listener = UnixListener::bind(folder.path().join(name))?;
+        listener.set_nonblocking(true)?;
+        Ok(Self {
+            folder,
+            name,
+            listener,
+        })
+    }
+
+    fn argument(&self) -> String {
+        format!("unix:{}", self.folder.path().join(self.name).display())
+    }
+
+    fn accept(&self, process: &mut Running) -> Outcome<UnixStream> {
+        let start = Instant::now();
+        let line = loop {
+            match self.listener.accept() {
+                Ok((line, _)) => break line,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                Err(error) => return Err(error.into()),
+            }
+            if let Some(status) = process.0.try_wait()? {
+                return Err(format!("the emulator ended at once ({status})").into());
+            }
+            if start.elapsed() > SILENCE {
+                return Err("the emulator did not connect its UARTs".into());
+            }
+            thread::sleep(Duration::from_millis(5));
+        };
+        line.set_nonblocking(false)?;
+        line.set_read_timeout(Some(SILENCE))?;
+        Ok(line)
     }
 }
