@@ -3,6 +3,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod converters;
 pub mod exchange;
 pub mod link_task;
 pub mod loop_task;

@@ -1,0 +1,134 @@
+//! AD5676R, eight outputs, 16 bits, 0 to 5 V with its own 2.5 V reference and a gain
+//! of two.
+//!
+//! Pins set by hardware: GAIN high (0 to 5 V), RSTSEL high (a reset gives the middle of
+//! the range, no force). RESET is low unless the processor drives it high: whatever
+//! stops or restarts the processor takes the forces away, without a frame.
+//!
+//! 24 bits a frame, the highest first, taken on SCLK's falling edges (SPI mode 1 or 2)
+//! up to 50 MHz: four of command, four of channel, sixteen of code. A code goes into
+//! the channel's input register; a low LDAC puts all of them out at once.
+
+use embedded_hal::spi::SpiDevice;
+use shared::LEGS;
+use shared::codes::DacCode;
+
+/// Bytes of a frame.
+pub const FRAME: usize = 3;
+
+/// The fastest clock, Hz (data sheet, t1).
+pub const CLOCK: u32 = 50_000_000;
+
+/// The longest way of the output to within 2 LSB of the code, s (data sheet, a step
+/// from a quarter to three quarters of the range).
+pub const SETTLING: f64 = 8e-6;
+
+/// What a frame asks for (data sheet, command definitions).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Write a channel's input register; LDAC puts it out.
+    Write(Channel, DacCode),
+    /// Write a channel's input register and put it out.
+    WriteAndUpdate(Channel, DacCode),
+    /// As after power-on.
+    Reset,
+    /// Reference and gain: the internal reference, gain by the pin.
+    InternalReference,
+    /// Gives a channel's code out in the next frame.
+    ReadBack(Channel),
+    /// Nothing: clocks what is read back.
+    Nothing,
+}
+
+/// One of the first six outputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channel(u8);
+
+impl Channel {
+    /// By leg.
+    pub const ALL: [Self; LEGS] = [Self(0), Self(1), Self(2), Self(3), Self(4), Self(5)];
+}
+
+impl Command {
+    /// As it goes over the wire.
+    pub const fn encode(self) -> [u8; FRAME] {
+        let (command, channel, data) = match self {
+            Self::Nothing => (0b0000, 0, 0),
+            Self::Write(channel, code) => (0b0001, channel.0, code.0),
+            Self::WriteAndUpdate(channel, code) => (0b0011, channel.0, code.0),
+            // The key without which the part does not reset.
+            Self::Reset => (0b0110, 0, 0x1234),
+            Self::InternalReference => (0b0111, 0, 0),
+            Self::ReadBack(channel) => (0b1001, channel.0, 0),
+        };
+        let [high, low] = data.to_be_bytes();
+        [command << 4 | channel, high, low]
+    }
+}
+
+/// The code in the frame after [`Command::ReadBack`].
+pub fn decode(frame: &[u8; FRAME]) -> DacCode {
+    let [_, high, low] = *frame;
+    DacCode(u16::from_be_bytes([high, low]))
+}
+
+/// The bus failed, or the converter does not hold what it was given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Error {
+    /// The bus failed.
+    Bus,
+    /// A channel reads back another code.
+    ReadBack,
+}
+
+/// The converter on its bus. LDAC belongs to the timer.
+#[derive(Debug)]
+pub struct Ad5676r<S> {
+    device: S,
+}
+
+impl<S: SpiDevice> Ad5676r<S> {
+    /// `device` frames a transfer with SYNC and clocks in mode 1 or 2, up to [`CLOCK`].
+    pub const fn new(device: S) -> Self {
+        Self { device }
+    }
+
+    /// Resets it, puts `safe` out on all six channels at once, without LDAC, and reads
+    /// every code back.
+    ///
+    /// # Errors
+    /// Where the bus fails or a channel does not hold its code: the wiring is wrong.
+    pub fn start(&mut self, safe: [DacCode; LEGS]) -> Result<(), Error> {
+        self.send(Command::Reset)?;
+        self.send(Command::InternalReference)?;
+        for (channel, code) in Channel::ALL.into_iter().zip(safe) {
+            self.send(Command::WriteAndUpdate(channel, code))?;
+        }
+        for (channel, code) in Channel::ALL.into_iter().zip(safe) {
+            self.send(Command::ReadBack(channel))?;
+            let mut frame = Command::Nothing.encode();
+            self.device
+                .transfer_in_place(&mut frame)
+                .map_err(|_| Error::Bus)?;
+            if decode(&frame) != code {
+                return Err(Error::ReadBack);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the codes that the next LDAC puts out.
+    ///
+    /// # Errors
+    /// Where the bus fails.
+    pub fn write(&mut self, codes: [DacCode; LEGS]) -> Result<(), Error> {
+        for (channel, code) in Channel::ALL.into_iter().zip(codes) {
+            self.send(Command::Write(channel, code))?;
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, command: Command) -> Result<(), Error> {
+        self.device.write(&command.encode()).map_err(|_| Error::Bus)
+    }
+}

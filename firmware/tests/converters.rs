@@ -1,0 +1,185 @@
+//! The converters' frames against their data sheets, the drivers against a mocked bus,
+//! what a bus does wrong included.
+
+use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+use embedded_hal_mock::eh1::MockError;
+use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as PinAt};
+use embedded_hal_mock::eh1::spi::{Mock, Transaction};
+use firmware::converters::ad5676r::{self, Ad5676r, Channel, Command};
+use firmware::converters::ad7606::{self, Ad7606};
+use shared::LEGS;
+use shared::codes::{AdcCode, DacCode};
+
+/// A bus that fails after so many transfers, and says how many it was asked for.
+struct Failing {
+    good: usize,
+    asked: usize,
+}
+
+impl ErrorType for &mut Failing {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for &mut Failing {
+    fn transaction(&mut self, _: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        self.asked += 1;
+        if self.asked > self.good {
+            Err(ErrorKind::ModeFault)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// AD7606, output coding: full scale −32768 is 0x8000, full scale less one LSB 0x7FFF,
+/// 0 V 0x0000; V1 first, the highest bit first.
+const WIRE: [u8; ad7606::FRAME] = [
+    0x80, 0x00, 0x7F, 0xFF, 0x00, 0x00, 0x00, 0x01, 0xFF, 0xFF, 0x12, 0x34,
+];
+const READ: [i16; LEGS] = [-32768, 32767, 0, 1, -1, 0x1234];
+
+#[test]
+fn adc_codes_are_the_data_sheets() {
+    assert_eq!(ad7606::decode(&WIRE).map(|code| code.0), READ);
+}
+
+#[test]
+fn a_read_is_one_frame_after_busy() {
+    let mut device = Mock::new(&[
+        Transaction::transaction_start(),
+        Transaction::read_vec(WIRE.to_vec()),
+        Transaction::transaction_end(),
+    ]);
+    let mut busy = Pin::new(&[PinAt::get(State::Low)]);
+    let mut adc = Ad7606::new(device.clone(), busy.clone());
+    assert_eq!(adc.read(), Ok(READ.map(AdcCode)));
+    device.done();
+    busy.done();
+}
+
+/// BUSY stuck high: nothing is clocked, nothing is taken for a sample.
+#[test]
+fn busy_is_an_error() {
+    let mut device = Mock::<u8>::new(&[]);
+    let mut busy = Pin::new(&[PinAt::get(State::High)]);
+    let mut adc = Ad7606::new(device.clone(), busy.clone());
+    assert_eq!(adc.read(), Err(ad7606::Error::Busy));
+    device.done();
+    busy.done();
+}
+
+/// A bus that fails, and a pin that does.
+#[test]
+fn a_read_that_fails_is_an_error() {
+    let broken = MockError::Io(std::io::ErrorKind::NotConnected);
+    let mut busy = Pin::new(&[
+        PinAt::get(State::Low),
+        PinAt::get(State::Low).with_error(broken),
+    ]);
+    let mut bus = Failing { good: 0, asked: 0 };
+    let mut adc = Ad7606::new(&mut bus, busy.clone());
+    assert_eq!(adc.read(), Err(ad7606::Error::Bus));
+    assert_eq!(adc.read(), Err(ad7606::Error::Bus));
+    busy.done();
+    assert_eq!(bus.asked, 1);
+}
+
+const CODES: [DacCode; LEGS] = [
+    DacCode(0x8000),
+    DacCode(0),
+    DacCode(0xFFFF),
+    DacCode(0x1234),
+    DacCode(1),
+    DacCode(0x7FFF),
+];
+
+/// AD5676R, command definitions and address commands.
+#[test]
+fn dac_frames_are_the_data_sheets() {
+    let [first, .., last] = Channel::ALL;
+    for (command, frame) in [
+        (Command::Nothing, [0x00, 0x00, 0x00]),
+        (Command::Write(first, DacCode(0x8000)), [0x10, 0x80, 0x00]),
+        (Command::Write(last, DacCode(0x1234)), [0x15, 0x12, 0x34]),
+        (
+            Command::WriteAndUpdate(last, DacCode(0xABCD)),
+            [0x35, 0xAB, 0xCD],
+        ),
+        (Command::Reset, [0x60, 0x12, 0x34]),
+        (Command::InternalReference, [0x70, 0x00, 0x00]),
+        (Command::ReadBack(last), [0x95, 0x00, 0x00]),
+    ] {
+        assert_eq!(command.encode(), frame, "{command:?}");
+    }
+    assert_eq!(ad5676r::decode(&[0x95, 0xAB, 0xCD]), DacCode(0xABCD));
+}
+
+fn framed(bytes: [u8; ad5676r::FRAME]) -> [Transaction<u8>; 3] {
+    [
+        Transaction::transaction_start(),
+        Transaction::write_vec(bytes.to_vec()),
+        Transaction::transaction_end(),
+    ]
+}
+
+/// Six frames, one a channel, SYNC high in between; no output moves before LDAC.
+#[test]
+fn a_write_is_six_frames() {
+    let mut expected = Vec::new();
+    for (i, code) in CODES.iter().enumerate() {
+        let [high, low] = code.0.to_be_bytes();
+        expected.extend(framed([0x10 | i as u8, high, low]));
+    }
+    let mut device = Mock::new(&expected);
+    assert_eq!(Ad5676r::new(device.clone()).write(CODES), Ok(()));
+    device.done();
+}
+
+/// What a start sends, and what the channels read back.
+fn start(back: &[u16]) -> Vec<Transaction<u8>> {
+    let mut all = Vec::new();
+    all.extend(framed([0x60, 0x12, 0x34]));
+    all.extend(framed([0x70, 0, 0]));
+    for i in 0..LEGS as u8 {
+        all.extend(framed([0x30 | i, 0x80, 0x00]));
+    }
+    for (i, back) in (0..).zip(back) {
+        all.extend(framed([0x90 | i, 0, 0]));
+        let [high, low] = back.to_be_bytes();
+        all.extend([
+            Transaction::transaction_start(),
+            Transaction::transfer_in_place(vec![0; 3], vec![0, high, low]),
+            Transaction::transaction_end(),
+        ]);
+    }
+    all
+}
+
+/// The start tells a part that answers from one that does not: SDO stuck low.
+#[test]
+fn a_start_reads_back() {
+    let safe = [DacCode(0x8000); LEGS];
+    let mut device = Mock::new(&start(&[0x8000; LEGS]));
+    assert_eq!(Ad5676r::new(device.clone()).start(safe), Ok(()));
+    device.done();
+    let mut device = Mock::new(&start(&[0x8000, 0x8000, 0]));
+    let found = Ad5676r::new(device.clone()).start(safe);
+    assert_eq!(found, Err(ad5676r::Error::ReadBack));
+    device.done();
+}
+
+/// A transfer that fails ends a write at once, wherever it is.
+#[test]
+fn a_write_that_fails_is_an_error() {
+    for good in 0..LEGS {
+        let mut bus = Failing { good, asked: 0 };
+        let found = Ad5676r::new(&mut bus).write(CODES);
+        assert_eq!(found, Err(ad5676r::Error::Bus));
+        assert_eq!(bus.asked, good + 1);
+    }
+    let mut bus = Failing {
+        good: LEGS,
+        asked: 0,
+    };
+    assert_eq!(Ad5676r::new(&mut bus).write(CODES), Ok(()));
+}
