@@ -7,4 +7,6 @@ pub mod converters;
 pub mod exchange;
 pub mod link_task;
 pub mod loop_task;
+pub mod ram_flash;
+pub mod store;
 pub mod tables;

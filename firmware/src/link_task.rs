@@ -1,25 +1,51 @@
 //! The link task: frames in, frames out, and what can wait, below the loop.
 
+use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
-use shared::link::{Cutter, FRAME, Server, encode};
+use shared::link::{Answer, Cutter, FRAME, Server, Shelf, encode};
+use shared::recorder::Record;
+use shared::table::Limits;
 
 use crate::loop_task::Board;
+use crate::store::Store;
+use crate::tables::Entry;
 
-/// The board's end of the link.
-#[derive(Debug, Default)]
-pub struct LinkTask {
+/// The board's end of the link, with its memory for a table.
+pub struct LinkTask<F: NorFlash> {
     cutter: Cutter,
     server: Server,
+    limits: Limits,
+    entry: &'static Entry,
+    /// None on a board whose memory cannot be used.
+    store: Option<Store<F>>,
     /// When the table was last checked, samples.
     checked: u64,
 }
 
-impl LinkTask {
-    /// Before anything came.
-    pub const fn new() -> Self {
+impl<F: NorFlash> LinkTask<F> {
+    /// Puts a table into `board`, the kept one if there is one that runs here, else the
+    /// one compiled in, `entry`'s. `room` is the recorder's memory.
+    pub fn begin(
+        board: &Board,
+        entry: &'static Entry,
+        limits: Limits,
+        mut store: Option<Store<F>>,
+        room: &'static mut [Record],
+    ) -> Self {
+        board.begin(entry, room);
+        let kept = store.as_mut().and_then(Store::table);
+        if let Some((table, checksum)) = kept
+            && limits.admit(&table).is_ok()
+        {
+            // Nothing runs yet that could refuse it.
+            let _ = board.with(|controller| controller.replace(table, checksum, true));
+        }
         Self {
             cutter: Cutter::new(),
             server: Server::new(),
+            limits,
+            entry,
+            store,
             checked: 0,
         }
     }
@@ -27,7 +53,21 @@ impl LinkTask {
     /// One byte from the host; the frame to send where one is due.
     pub fn on_byte(&mut self, byte: u8, board: &Board) -> Option<Vec<u8, FRAME>> {
         let incoming = self.cutter.push(byte)?;
-        let reply = board.with(|controller| self.server.answer(incoming, controller))?;
+        let limits = &self.limits;
+        let answer = board.with(|controller| self.server.answer(incoming, controller, limits))?;
+        let reply = match answer {
+            Answer::Reply(reply) => reply,
+            // Between two holds of the controller: the loop goes on, its legs at rest.
+            Answer::Shelve(shelf) => {
+                let kept = match (&mut self.store, &shelf) {
+                    (Some(store), Shelf::Keep(table)) => store.keep(table).is_ok(),
+                    (Some(store), Shelf::Forget) => store.forget().is_ok(),
+                    (None, _) => false,
+                };
+                let compiled = (*self.entry.table, self.entry.checksum);
+                board.with(|controller| self.server.shelved(kept, shelf, compiled, controller))?
+            }
+        };
         encode(&reply)
     }
 

@@ -66,15 +66,20 @@ pub enum LinkError {
 }
 
 /// A refusal in words.
-pub fn reason(refusal: Refusal) -> &'static str {
-    match refusal {
+pub fn reason(refusal: Refusal) -> String {
+    let words = match refusal {
+        Refusal::Table(error) => return format!("the table does not run there: {error}"),
+        Refusal::Memory => {
+            "it has no memory to keep a table, or that failed; the table before runs on"
+        }
         Refusal::Mode => "not in this mode; see host-gen link status",
         Refusal::Range => "a number is outside its limits",
         Refusal::Frame => "the frame was malformed",
         Refusal::Version => "it speaks another version of the link",
         Refusal::Session => "another program has begun a session",
         Refusal::Replayed => "the frame was an old one",
-    }
+    };
+    words.to_owned()
 }
 
 /// A cause in words.

@@ -4,9 +4,9 @@
 use shared::LEGS;
 use shared::codes::{DacCode, Samples};
 use shared::controller::{Controller, Reading};
-use shared::link::{Cutter, Server, encode};
+use shared::link::{Answer, Cutter, Server, encode};
 use shared::recorder::Record;
-use shared::table::ValidTable;
+use shared::table::{Limits, ValidTable};
 
 use crate::simulation::Rig;
 use crate::study::Study;
@@ -19,6 +19,8 @@ pub struct Sil<'a> {
     pub controller: Controller<'a>,
     cutter: Cutter,
     server: Server,
+    /// The table it began with.
+    table: ValidTable,
 }
 
 impl<'a> Sil<'a> {
@@ -30,6 +32,7 @@ impl<'a> Sil<'a> {
             controller: Controller::new(*table, table.checksum(), room),
             cutter: Cutter::new(),
             server: Server::new(),
+            table: *table,
         }
     }
 
@@ -54,7 +57,15 @@ impl<'a> Sil<'a> {
     /// A byte from the host; the frame to send where one is due.
     pub fn on_byte(&mut self, byte: u8) -> Option<Vec<u8>> {
         let incoming = self.cutter.push(byte)?;
-        let reply = self.server.answer(incoming, &mut self.controller);
+        let controller = &mut self.controller;
+        let reply = match self.server.answer(incoming, controller, &Limits::NONE) {
+            Answer::Reply(reply) => reply,
+            // Kept as long as this runs.
+            Answer::Shelve(shelf) => {
+                let compiled = (self.table, self.table.checksum());
+                self.server.shelved(true, shelf, compiled, controller)
+            }
+        };
         encode(&reply).map(|frame| frame.to_vec())
     }
 

@@ -127,6 +127,7 @@ fn with_paths(
         version: FORMAT_VERSION,
         model: machine.digest,
         sample_rate: board.sample_rate as f32,
+        latch: board.latch_delay as f32,
         feedback: match target.feedback {
             Feedback::Acceleration | Feedback::Both => table::Feedback::Acceleration,
             Feedback::Force => table::Feedback::Force,
@@ -207,6 +208,8 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     line("    ]),");
     line("    // Hz.");
     line(&format!("    sample_rate: {:?},", t.sample_rate));
+    line("    // s.");
+    line(&format!("    latch: {:?},", t.latch));
     line(&format!("    feedback: Feedback::{:?},", t.feedback));
     line(&format!("    // {sensor_unit} per code."));
     emit_sensors(&mut line, "    ", &t.sensors);

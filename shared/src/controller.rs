@@ -11,7 +11,7 @@ use crate::recorder::{Record, Recorded, Recorder, Recording};
 use crate::self_test::{Probe, Verdict};
 use crate::step::{Demand, Output, State, Status, rest, step};
 use crate::supervisor::{Cause, Event, Fault, GENTLE, Mode, QUIET};
-use crate::table::{ModelDigest, ValidTable};
+use crate::table::{ModelDigest, TableError, ValidTable};
 use crate::watch::Watch;
 
 /// What a board has of one sample.
@@ -75,6 +75,42 @@ pub struct Identity {
     pub sample_rate: f32,
     /// Records that the recorder has room for.
     pub room: u32,
+    /// Whether the table came over the link; else it is the one compiled in.
+    pub sent: bool,
+}
+
+/// How the board's processor does. Times in ns, since power came or the board was
+/// last asked for them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Health {
+    /// Why the board last started.
+    pub restart: Restart,
+    /// From one sample to the next.
+    pub period: u32,
+    /// From the interrupt of a sample until its codes were written, at the most.
+    pub longest: u32,
+    /// The same on average.
+    pub usual: u32,
+    /// From the earliest to the latest interrupt, against the timer.
+    pub jitter: u32,
+    /// Stack that was never used, bytes.
+    pub stack: u32,
+}
+
+/// Why a board started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Restart {
+    /// Power came, or nobody knows.
+    #[default]
+    Power,
+    /// The reset button, or a debugger.
+    Pin,
+    /// The watchdog: loop or link did not check in.
+    Watchdog,
+    /// The firmware panicked.
+    Panic,
+    /// The processor met what it cannot do.
+    HardFault,
 }
 
 /// One sample out of many, live.
@@ -107,6 +143,10 @@ pub enum Refusal {
     Session,
     /// A frame that is no newer than one before it.
     Replayed,
+    /// A table that does not run here.
+    Table(TableError),
+    /// The table could not be kept; the one before runs on.
+    Memory,
 }
 
 /// Samples kept from before a fault.
@@ -128,6 +168,7 @@ const WAITING: usize = 8;
 pub struct Controller<'a> {
     table: ValidTable,
     checksum: u32,
+    sent: bool,
     at: u64,
     mode: Mode,
     /// None until the first sample has settled the AC coupling.
@@ -157,6 +198,7 @@ pub struct Controller<'a> {
     late: u32,
     lost: u32,
     dropped: u32,
+    health: Health,
 }
 
 impl<'a> Controller<'a> {
@@ -167,6 +209,7 @@ impl<'a> Controller<'a> {
         let mut controller = Self {
             table,
             checksum,
+            sent: false,
             at: 0,
             mode: Mode::Untested,
             state: None,
@@ -192,6 +235,7 @@ impl<'a> Controller<'a> {
             late: 0,
             lost: 0,
             dropped: 0,
+            health: Health::default(),
         };
         if table.checksum() != checksum {
             controller.table_changed();
@@ -204,6 +248,41 @@ impl<'a> Controller<'a> {
     /// samples, so neither in the loop nor while the loop waits.
     pub fn table(&self) -> &ValidTable {
         &self.table
+    }
+
+    /// Runs another table from here on, `sent` over the link or compiled in. Nothing
+    /// has been tested under it.
+    ///
+    /// # Errors
+    /// Where legs are driven or a fault is latched.
+    pub fn replace(&mut self, table: ValidTable, checksum: u32, sent: bool) -> Result<(), Refusal> {
+        if !self.change(Event::Replace) {
+            return Err(Refusal::Mode);
+        }
+        (self.table, self.checksum, self.sent) = (table, checksum, sent);
+        self.stop_injection();
+        self.state = None;
+        self.watch = Watch::NEW;
+        self.dac = table.safe_codes();
+        if table.checksum() != checksum {
+            self.table_changed();
+        }
+        Ok(())
+    }
+
+    /// Whether [`Controller::replace`] would do so now.
+    pub fn is_replaceable(&self) -> bool {
+        self.mode.after(Event::Replace).is_some()
+    }
+
+    /// What the board found out about its processor.
+    pub fn set_health(&mut self, health: Health) {
+        self.health = health;
+    }
+
+    /// How the processor does.
+    pub fn health(&self) -> Health {
+        self.health
     }
 
     /// The table is not what it was when it was made.
@@ -593,6 +672,7 @@ impl<'a> Controller<'a> {
             sample_rate: table.sample_rate,
             // Memory is far smaller.
             room: self.recorder.room() as u32,
+            sent: self.sent,
         }
     }
 }

@@ -47,6 +47,8 @@ pub enum Event {
     Ramped,
     /// Something is wrong.
     Fault,
+    /// Asked: run another table.
+    Replace,
 }
 
 impl Mode {
@@ -68,7 +70,9 @@ impl Mode {
         Some(match (self, event) {
             (Self::Untested | Self::Idle, Event::SelfTest) => Self::Testing,
             (Self::Testing, Event::Passed) => Self::Idle,
-            (Self::Testing, Event::Stop) => Self::Untested,
+            (Self::Testing, Event::Stop) | (Self::Untested | Self::Idle, Event::Replace) => {
+                Self::Untested
+            }
             (Self::Idle, Event::Start) => Self::Starting,
             (Self::Idle, Event::Stop) => Self::Idle,
             (Self::Starting, Event::Ramped) => Self::Closed,
@@ -96,7 +100,7 @@ impl Mode {
 
 impl Event {
     /// All events.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::SelfTest,
         Self::Start,
         Self::Stop,
@@ -104,6 +108,7 @@ impl Event {
         Self::Passed,
         Self::Ramped,
         Self::Fault,
+        Self::Replace,
     ];
 }
 

@@ -200,6 +200,9 @@ pub struct Table {
     pub model: ModelDigest,
     /// Steps per second, Hz.
     pub sample_rate: f32,
+    /// From the sampling instant to the latch of the outputs made from it, s: what the
+    /// loop was designed for.
+    pub latch: f32,
     /// What the sensors measure.
     pub feedback: Feedback,
     /// Sensor channels, in the order of the law's columns.
@@ -225,13 +228,77 @@ pub struct Table {
     pub self_test: SelfTest,
 }
 
+/// The most bytes that a table takes as postcard writes it.
+pub const TABLE_ROOM: usize = 4096;
+
+/// What tables a board can run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// The highest sample rate, Hz.
+    pub rate: f32,
+    /// From a sample until the first of its codes is written into the DAC, and until
+    /// all of them can be latched, s.
+    pub written: (f32, f32),
+    /// Whether it has inputs for force sensors beside accelerometers.
+    pub beside: bool,
+    /// Its converters' highest codes.
+    pub codes: (AdcCode, DacCode),
+}
+
+impl Limits {
+    /// A board that takes what comes, with 16-bit converters: the simulation.
+    pub const NONE: Self = Self {
+        rate: f32::MAX,
+        written: (f32::MAX, 0.0),
+        beside: true,
+        codes: (AdcCode(i16::MAX), DacCode(u16::MAX)),
+    };
+
+    /// Whether the board can run `table`.
+    ///
+    /// # Errors
+    /// What it cannot.
+    pub fn admit(&self, table: &ValidTable) -> Result<(), TableError> {
+        let t = table.get();
+        if t.sample_rate > self.rate {
+            return Err(TableError::BoardRate);
+        }
+        // The codes of one sample wait in the DAC until those of the next are written.
+        let (begun, ended) = self.written;
+        if t.latch < ended || t.latch > 1.0 / t.sample_rate + begun {
+            return Err(TableError::BoardLatch);
+        }
+        if t.complement().is_some() && !self.beside {
+            return Err(TableError::BoardInputs);
+        }
+        if (t.adc_max, t.dac_max) != self.codes {
+            return Err(TableError::BoardCodes);
+        }
+        Ok(())
+    }
+}
+
 /// What is wrong with a table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TableError {
     /// Made for another layout.
     Version,
     /// Sample rate not positive and finite.
     SampleRate,
+    /// The latch's delay negative or not finite.
+    Latch,
+    /// The board takes no such sample rate.
+    BoardRate,
+    /// The board's outputs are not ready at that latch, or it cannot wait so long.
+    BoardLatch,
+    /// The board has no inputs for force sensors beside accelerometers.
+    BoardInputs,
+    /// The board's converters have other ranges of codes.
+    BoardCodes,
+    /// Not as long as it was said to be, or no table.
+    Encoding,
+    /// Its checksum is another.
+    Checksum,
     /// A sensor's calibration is not finite or its gain is zero; the channel.
     Sensor(usize),
     /// The same of a force sensor beside accelerometers.
@@ -266,6 +333,17 @@ impl core::fmt::Display for TableError {
         match self {
             Self::Version => write!(f, "the table's layout is not version {FORMAT_VERSION}"),
             Self::SampleRate => f.write_str("the sample rate is not positive and finite"),
+            Self::Latch => f.write_str("the latch's delay is not a time"),
+            Self::BoardRate => f.write_str("the board takes no such sample rate"),
+            Self::BoardLatch => {
+                f.write_str("the board's outputs cannot be latched at that time after a sample")
+            }
+            Self::BoardInputs => {
+                f.write_str("the board has no inputs for force sensors beside accelerometers")
+            }
+            Self::BoardCodes => f.write_str("the board's converters have other codes"),
+            Self::Encoding => f.write_str("the bytes are no table"),
+            Self::Checksum => f.write_str("the table's checksum is another"),
             Self::Sensor(i) => write!(f, "sensor channel {i}: calibration not finite or zero"),
             Self::ForceSensor(i) => {
                 write!(
@@ -306,6 +384,28 @@ impl ValidTable {
     /// The DAC codes of no force: what a board gives when nothing is to move.
     pub fn safe_codes(&self) -> [DacCode; LEGS] {
         self.0.actuators.map(|drive| drive.code(0.0))
+    }
+
+    /// The table in `bytes`, as postcard writes it, checked whole.
+    ///
+    /// # Errors
+    /// Where it is none, not valid, or `checksum` is not its own.
+    pub fn decode(bytes: &[u8], checksum: u32) -> Result<Self, TableError> {
+        let Ok((table, [])) = postcard::take_from_bytes::<Table>(bytes) else {
+            return Err(TableError::Encoding);
+        };
+        let table = table.validate()?;
+        if table.checksum() == checksum {
+            Ok(table)
+        } else {
+            Err(TableError::Checksum)
+        }
+    }
+
+    /// The table as postcard writes it, at the start of `room`. None if there is too
+    /// little.
+    pub fn encode<'a>(&self, room: &'a mut [u8; TABLE_ROOM]) -> Option<&'a [u8]> {
+        postcard::to_slice(&self.0, room).ok().map(|bytes| &*bytes)
     }
 
     /// CRC-32 (ISO-HDLC) of the table as postcard writes it: what a table is
@@ -359,6 +459,9 @@ impl Table {
         }
         if !(self.sample_rate.is_finite() && self.sample_rate > 0.0) {
             return Err(TableError::SampleRate);
+        }
+        if !(self.latch.is_finite() && self.latch >= 0.0) {
+            return Err(TableError::Latch);
         }
         if self.adc_max.0 <= 0 {
             return Err(TableError::AdcRange);

@@ -9,11 +9,11 @@ use shared::LEGS;
 use shared::codes::{AdcCode, DacCode, Samples};
 use shared::controller::{Controller, Reading, Refusal};
 use shared::injection::{Injection, Injector, Signal};
-use shared::link::{Cutter, FRAME, Packet, Reply, Request, Server, VERSION, encode};
+use shared::link::{Answer, Cutter, FRAME, Packet, Reply, Request, Server, VERSION, encode};
 use shared::recorder::{Record, Recorded, Recording, Trigger};
 use shared::self_test::{Phasor, SelfTest};
 use shared::supervisor::{Cause, Event, Mode, Supervision};
-use shared::table::{Direct, Paths, ValidTable};
+use shared::table::{Direct, Limits, Paths, TABLE_ROOM, TableError, ValidTable};
 
 /// The documented table of modes is the one that runs, all of it: every mode with
 /// every event.
@@ -507,7 +507,16 @@ fn answer(
 ) -> Vec<Packet<Reply>> {
     let packets = bytes.iter().filter_map(|byte| cutter.push(*byte));
     packets
-        .map(|incoming| server.answer(incoming, controller))
+        .map(
+            |incoming| match server.answer(incoming, controller, &Limits::NONE) {
+                Answer::Reply(reply) => reply,
+                Answer::Shelve(shelf) => {
+                    let compiled = plain();
+                    let compiled = (compiled, compiled.checksum());
+                    server.shelved(true, shelf, compiled, controller)
+                }
+            },
+        )
         .collect()
 }
 
@@ -547,6 +556,100 @@ fn the_link_refuses_what_is_not_its_own() {
         body: Reply::Records([record; 8].into_iter().collect()),
     };
     assert!(encode(&longest).unwrap().len() <= FRAME);
+}
+
+/// A table over the link: piece by piece, refused while the loop is closed, if a bit
+/// of it is turned, if it is not the one that was said or none that the board can run;
+/// then it runs, untested, until it is forgotten.
+#[test]
+fn a_table_comes_over_the_link() {
+    let mut other = *plain().get();
+    other.latch = 60e-6;
+    let other = other.validate().unwrap();
+    let mut room = [0; TABLE_ROOM];
+    let bytes = other.encode(&mut room).unwrap().to_vec();
+    let (length, sum) = (bytes.len() as u32, other.checksum());
+
+    let mut bench = Bench::new(&mut []);
+    bench.reach_closed();
+    let (mut cutter, mut server) = (Cutter::new(), Server::new());
+    let hello = frame(0, 1, Request::Hello(5));
+    let session = answer(&hello, &mut cutter, &mut server, &mut bench.controller)[0].session;
+    let mut sequence = 1;
+    let mut say = |bench: &mut Bench<'_>, body| {
+        sequence += 1;
+        let frame = frame(session, sequence, body);
+        answer(&frame, &mut cutter, &mut server, &mut bench.controller)
+            .remove(0)
+            .body
+    };
+    let refused = |why| Reply::Refused(Refusal::Table(why));
+    for (at, piece) in (0..).step_by(256).zip(bytes.chunks(256)) {
+        let piece = Request::Piece(at, piece.iter().copied().collect());
+        assert_eq!(say(&mut bench, piece), Reply::Done);
+    }
+    let keep = || Request::Keep(length, sum);
+    let mode = Reply::Refused(Refusal::Mode);
+    assert_eq!(say(&mut bench, keep()), mode);
+    assert_eq!(say(&mut bench, Request::Forget), mode);
+    bench.controller.ask(Event::Stop).unwrap();
+    bench.run(2000);
+    assert_eq!(bench.mode(), Mode::Idle);
+    let wrong = Request::Keep(length, sum ^ 1);
+    assert_eq!(say(&mut bench, wrong), refused(TableError::Checksum));
+    let short = Request::Keep(length - 1, sum);
+    assert_eq!(say(&mut bench, short), refused(TableError::Encoding));
+    let turn = |at: u32| {
+        let byte = bytes[at as usize] ^ 4;
+        Request::Piece(at, [byte].into_iter().collect())
+    };
+    // The layout's version, and somewhere in the middle.
+    for (at, why) in [(0, TableError::Version), (900, TableError::Checksum)] {
+        assert_eq!(say(&mut bench, turn(at)), Reply::Done);
+        assert_eq!(say(&mut bench, keep()), refused(why));
+        let back = Request::Piece(at, [bytes[at as usize]].into_iter().collect());
+        assert_eq!(say(&mut bench, back), Reply::Done);
+    }
+    let past = Request::Piece(TABLE_ROOM as u32 - 1, [1, 2].into_iter().collect());
+    assert_eq!(say(&mut bench, past), Reply::Refused(Refusal::Range));
+    assert_eq!(bench.controller.identity().checksum, plain().checksum());
+    assert_eq!(bench.mode(), Mode::Idle);
+
+    assert_eq!(say(&mut bench, keep()), Reply::Done);
+    assert_eq!(*bench.controller.table(), other);
+    assert!(bench.controller.identity().sent);
+    assert_eq!(bench.mode(), Mode::Untested);
+    bench.run(10);
+    assert_eq!((bench.mode(), bench.dac), (Mode::Untested, SAFE));
+    assert_eq!(say(&mut bench, Request::Forget), Reply::Done);
+    assert_eq!(*bench.controller.table(), plain());
+    assert!(!bench.controller.identity().sent);
+}
+
+/// What a board cannot run: too fast, outputs that are not ready at their latch or
+/// would be overwritten before it, sensors it has no inputs for.
+#[test]
+fn a_board_has_limits() {
+    let board = Limits {
+        rate: 25e3,
+        written: (10e-6, 20e-6),
+        beside: false,
+        codes: (AdcCode(32767), DacCode(65535)),
+    };
+    let with = |change: fn(&mut shared::table::Table)| {
+        let mut t = *plain().get();
+        change(&mut t);
+        board.admit(&t.validate().unwrap())
+    };
+    assert_eq!(with(|_| {}), Ok(()));
+    assert_eq!(with(|t| t.sample_rate = 50e3), Err(TableError::BoardRate));
+    assert_eq!(with(|t| t.latch = 19e-6), Err(TableError::BoardLatch));
+    assert_eq!(with(|t| t.latch = 59e-6), Ok(()));
+    assert_eq!(with(|t| t.latch = 61e-6), Err(TableError::BoardLatch));
+    assert_eq!(
+        with(|t| t.adc_max = AdcCode(8191)),
+        Err(TableError::BoardCodes)
+    );
 }
 
 proptest! {

@@ -23,6 +23,8 @@ pub static TABLE: ValidTable = match (Table {
     ]),
     // Hz.
     sample_rate: 20000.0,
+    // s.
+    latch: 5e-5,
     feedback: Feedback::Acceleration,
     // m/s² per code.
     sensors: [
@@ -159,7 +161,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0xb2ff17eb;
+pub const CHECKSUM: u32 = 0xdf0ec47e;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

@@ -3,7 +3,8 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::controller::{Identity, Refusal, Report, Telemetry};
+use super::upload::PIECE;
+use crate::controller::{Health, Identity, Refusal, Report, Telemetry};
 use crate::injection::Injection;
 use crate::recorder::{Record, Recording};
 
@@ -11,7 +12,11 @@ use crate::recorder::{Record, Recording};
 pub const CHUNK: usize = 8;
 
 /// From host to board. The order is part of the wire format.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one at a time, and nothing to allocate a box from"
+)]
 pub enum Request {
     /// Begins a session; any other ends. The number is the host's own, best a
     /// random one.
@@ -40,6 +45,14 @@ pub enum Request {
     Snapshot(u32),
     /// One sample out of so many as it comes; 0 for none.
     Telemetry(u32),
+    /// A piece of a table, from this byte on.
+    Piece(u32, Vec<u8, PIECE>),
+    /// Keep the table that came, so many bytes with this checksum, and run it.
+    Keep(u32, u32),
+    /// Forget the table that was kept and run the one compiled in.
+    Forget,
+    /// How does the processor do?
+    Health,
 }
 
 /// From board to host. The order is part of the wire format.
@@ -63,4 +76,6 @@ pub enum Reply {
     Records(Vec<Record, CHUNK>),
     /// Nobody asked for this one.
     Telemetry(Telemetry),
+    /// How the processor does.
+    Health(Health),
 }

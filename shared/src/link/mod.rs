@@ -6,6 +6,7 @@
 
 pub mod message;
 pub mod server;
+pub mod upload;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -13,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::CRC_32;
 
 pub use message::{CHUNK, Reply, Request};
-pub use server::Server;
+pub use server::{Answer, Server, Shelf};
 
 /// Version of frames and messages.
 pub const VERSION: u8 = 1;

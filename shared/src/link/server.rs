@@ -2,10 +2,38 @@
 
 use heapless::{HistoryBuf, Vec};
 
+use super::upload::Upload;
 use super::{CHUNK, FrameError, Packet, Reply, Request, VERSION};
 use crate::controller::{Controller, Refusal};
 use crate::recorder::Record;
 use crate::supervisor::Event;
+use crate::table::{Limits, ValidTable};
+
+/// What comes of a frame.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one at a time, and nothing to allocate a box from"
+)]
+pub enum Answer {
+    /// Send this.
+    Reply(Packet<Reply>),
+    /// First do this, which takes long, and then call [`Server::shelved`].
+    Shelve(Shelf),
+}
+
+/// What a board is to do with its memory for a table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one at a time, and nothing to allocate a box from"
+)]
+pub enum Shelf {
+    /// Keep this one.
+    Keep(ValidTable),
+    /// Forget what was kept.
+    Forget,
+}
 
 /// Sessions and sequence numbers.
 #[derive(Debug, Default)]
@@ -16,6 +44,7 @@ pub struct Server {
     sequence: u32,
     /// What the last sessions were begun with.
     nonces: HistoryBuf<u32, 8>,
+    upload: Upload,
 }
 
 impl Server {
@@ -25,21 +54,54 @@ impl Server {
             session: 0,
             sequence: 0,
             nonces: HistoryBuf::new(),
+            upload: Upload::new(),
         }
     }
 
     /// Carries out a request, or says why not. A frame that is malformed, of
-    /// another session or not newer than the last changes nothing.
+    /// another session or not newer than the last changes nothing. `limits` are those
+    /// of the board.
     pub fn answer(
         &mut self,
         incoming: Result<Packet<Request>, FrameError>,
         controller: &mut Controller<'_>,
-    ) -> Packet<Reply> {
+        limits: &Limits,
+    ) -> Answer {
         let (sequence, outcome) = match incoming {
-            Ok(packet) => (packet.sequence, self.carry_out(&packet, controller)),
+            Ok(packet) => match self.shelf(&packet, controller, limits) {
+                Some(Ok(shelf)) => return Answer::Shelve(shelf),
+                Some(Err(refusal)) => (packet.sequence, Err(refusal)),
+                None => (packet.sequence, self.carry_out(&packet, controller)),
+            },
             Err(FrameError::Version) => (0, Err(Refusal::Version)),
             Err(_) => (0, Err(Refusal::Frame)),
         };
+        Answer::Reply(self.packet(sequence, outcome))
+    }
+
+    /// The answer to a request whose table the board has `kept`, or forgotten, or could
+    /// not; `compiled` is the table compiled in, with its checksum.
+    pub fn shelved(
+        &mut self,
+        kept: bool,
+        shelf: Shelf,
+        compiled: (ValidTable, u32),
+        controller: &mut Controller<'_>,
+    ) -> Packet<Reply> {
+        let outcome = if kept {
+            let ((table, checksum), sent) = match shelf {
+                Shelf::Keep(table) => ((table, table.checksum()), true),
+                Shelf::Forget => (compiled, false),
+            };
+            let replaced = controller.replace(table, checksum, sent);
+            replaced.map(|()| Reply::Done)
+        } else {
+            Err(Refusal::Memory)
+        };
+        self.packet(self.sequence, outcome)
+    }
+
+    fn packet(&self, sequence: u32, outcome: Result<Reply, Refusal>) -> Packet<Reply> {
         Packet {
             version: VERSION,
             session: self.session,
@@ -79,18 +141,12 @@ impl Server {
             controller.heard();
             return Ok(Reply::Hello);
         }
-        if packet.session != self.session || self.session == 0 {
-            return Err(Refusal::Session);
-        }
-        if packet.sequence <= self.sequence {
-            return Err(Refusal::Replayed);
-        }
-        self.sequence = packet.sequence;
-        controller.heard();
+        self.accept(packet, controller)?;
         let done = |()| Reply::Done;
         match packet.body {
-            // Above.
+            // Above, and in `shelf`.
             Request::Hello(_) => Ok(Reply::Hello),
+            Request::Keep(..) | Request::Forget => Err(Refusal::Frame),
             Request::Report => Ok(Reply::Report(controller.report())),
             Request::Identity => Ok(Reply::Identity(controller.identity())),
             Request::SelfTest => controller.ask(Event::SelfTest).map(done),
@@ -106,7 +162,53 @@ impl Server {
                 controller.set_telemetry(every);
                 Ok(Reply::Done)
             }
+            Request::Piece(at, ref piece) => self.upload.put(at, piece).map(done),
+            Request::Health => Ok(Reply::Health(controller.health())),
         }
+    }
+
+    /// What a request would have the board do with its memory; none if it is about
+    /// something else.
+    fn shelf(
+        &mut self,
+        packet: &Packet<Request>,
+        controller: &mut Controller<'_>,
+        limits: &Limits,
+    ) -> Option<Result<Shelf, Refusal>> {
+        let table = match packet.body {
+            Request::Keep(length, checksum) => Some((length, checksum)),
+            Request::Forget => None,
+            _ => return None,
+        };
+        let shelf = self.accept(packet, controller).and_then(|()| {
+            if !controller.is_replaceable() {
+                return Err(Refusal::Mode);
+            }
+            match table {
+                Some((length, checksum)) => {
+                    self.upload.table(length, checksum, limits).map(Shelf::Keep)
+                }
+                None => Ok(Shelf::Forget),
+            }
+        });
+        Some(shelf)
+    }
+
+    /// Whether a request belongs to the session and is new; it then counts.
+    fn accept(
+        &mut self,
+        packet: &Packet<Request>,
+        controller: &mut Controller<'_>,
+    ) -> Result<(), Refusal> {
+        if packet.session != self.session || self.session == 0 {
+            return Err(Refusal::Session);
+        }
+        if packet.sequence <= self.sequence {
+            return Err(Refusal::Replayed);
+        }
+        self.sequence = packet.sequence;
+        controller.heard();
+        Ok(())
     }
 }
 

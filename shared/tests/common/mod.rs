@@ -14,6 +14,7 @@ pub fn table() -> Table {
         version: FORMAT_VERSION,
         model: ModelDigest([0; 32]),
         sample_rate: 20e3,
+        latch: 50e-6,
         feedback: Feedback::Acceleration,
         sensors: [Adc::new(16, 10.0).unwrap().calibration(20.0); LEGS],
         adc_max: AdcCode(32767),

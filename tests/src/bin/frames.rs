@@ -10,7 +10,8 @@ use firmware::tables;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::controller::{Controller, Refusal};
-use shared::link::{Cutter, Packet, Reply, Request, Server, VERSION, encode};
+use shared::link::{Answer, Cutter, Packet, Reply, Request, Server, VERSION, encode};
+use shared::table::Limits;
 
 /// Sends bad frames to the board's end of the link.
 #[derive(Parser)]
@@ -41,7 +42,18 @@ fn main() -> ExitCode {
     let mut answers = |bytes: &[u8]| -> Vec<Packet<Reply>> {
         let packets = bytes.iter().filter_map(|byte| cutter.push(*byte));
         packets
-            .map(|incoming| server.answer(incoming, &mut controller))
+            .map(
+                |incoming| match server.answer(incoming, &mut controller, &Limits::NONE) {
+                    Answer::Reply(reply) => reply,
+                    // No bad frame may come so far.
+                    Answer::Shelve(_) => Packet {
+                        version: VERSION,
+                        session: 0,
+                        sequence: 0,
+                        body: Reply::Done,
+                    },
+                },
+            )
             .collect()
     };
     let hello = answers(&frame(0, 1000, Request::Hello(1)));
@@ -54,11 +66,13 @@ fn main() -> ExitCode {
         Request::SetGain(0.5),
         Request::Telemetry(1),
         Request::Recording(3),
+        Request::Forget,
+        Request::Piece(0, [7; 40].into_iter().collect()),
     ];
     let mut accepted = 0u64;
     for _ in 0..frames {
         let pick = random.next_u32();
-        let request = requests[pick as usize % requests.len()];
+        let request = requests[pick as usize % requests.len()].clone();
         let bytes = match pick >> 8 & 3 {
             // Noise of any length.
             0 => {

@@ -18,15 +18,20 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use firmware::exchange::{REPLY, REQUEST, parse_reply, request};
+use firmware::link_task::LinkTask;
+use firmware::loop_task::Board;
+use firmware::ram_flash::RamFlash;
+use firmware::store::Store;
 use firmware::tables::{self, Entry};
 use host_gen::machine::Machine;
 use host_gen::simulation::Rig;
 use host_gen::study::Study;
-use shared::controller::{Controller, Refusal};
+use shared::controller::{Refusal, Report};
 use shared::injection::{Injection, Signal};
-use shared::link::{Cutter, Packet, Reply, Request, Server, VERSION, encode};
+use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recording, Trigger};
 use shared::supervisor::{Cause, Mode};
+use shared::table::{Limits, TABLE_ROOM};
 use tempfile::TempDir;
 
 /// Runs the firmware on emulated boards against the simulated plant.
@@ -171,30 +176,34 @@ struct Count {
 
 fn in_the_loop(
     study: &Study,
-    entry: &Entry,
+    entry: &'static Entry,
     samples: u32,
     machine: &str,
     image: Option<&Path>,
 ) -> Outcome<Count> {
     let start = Instant::now();
     let settings = &study.machine.simulation;
-    let mut room = vec![Record::NONE; ROOM];
+    // One a run of this program and board, as on a board.
+    let room = vec![Record::NONE; ROOM].leak();
+    let host: &'static Board = Box::leak(Box::new(Board::new()));
+    let store = Store::new(RamFlash::new(), 0..RamFlash::SIZE as u32);
     let mut session = Session {
         name: machine,
         board: image
             .map(|image| Emulated::start(machine, image))
             .transpose()?,
         rig: Rig::new(study.plant.clone(), &study.machine.board, settings),
-        host: Controller::new(*entry.table, entry.checksum, &mut room),
-        server: Server::new(),
+        link: LinkTask::begin(host, entry, Limits::NONE, store, room),
+        host,
         session: 0,
         sequence: 0,
         count: Count::default(),
         stuck: None,
     };
     session.run(samples)?;
+    let clamped = session.report()?.clamped;
     let mut count = session.count;
-    count.clamped = session.host.report().clamped;
+    count.clamped = clamped;
     count.seconds = start.elapsed().as_secs_f64();
     Ok(count)
 }
@@ -204,8 +213,8 @@ struct Session<'a> {
     name: &'a str,
     board: Option<Emulated>,
     rig: Rig,
-    host: Controller<'a>,
-    server: Server,
+    host: &'static Board,
+    link: LinkTask<RamFlash>,
     session: u32,
     sequence: u32,
     count: Count,
@@ -261,16 +270,16 @@ impl Session<'_> {
             self.sample()?;
         }
         self.rig.floor_gain = 1.0;
-        if let Some(fault) = self.host.report().fault {
+        if let Some(fault) = self.report()?.fault {
             return Err(format!("the loop opened by itself: {fault:?}").into());
         }
-        if samples >= 30_000 && self.host.report().clamped == 0 {
+        if samples >= 30_000 && self.report()?.clamped == 0 {
             return Err("the run was to hold clamped samples".into());
         }
 
         self.stuck = Some(5);
         self.until(|mode| mode == Mode::Failed, Mode::Failed)?;
-        let fault = self.host.report().fault.map(|fault| fault.cause);
+        let fault = self.report()?.fault.map(|fault| fault.cause);
         if fault != Some(Cause::Stuck(1 << 2)) {
             return Err(format!("sensor 3 stuck was told as {fault:?}").into());
         }
@@ -286,7 +295,47 @@ impl Session<'_> {
         self.done(&Request::Stop)?;
         self.until(|mode| mode != Mode::Stopping, Mode::Idle)?;
         self.expect(&Request::Report, |reply| matches!(reply, Reply::Report(_)))?;
-        Ok(())
+        self.another_table()
+    }
+
+    /// A table over the link, another only in how long it settles: kept, run, forgotten.
+    fn another_table(&mut self) -> Outcome<()> {
+        let table = self.host.with(|controller| *controller.table());
+        let mut table = *table.ok_or("no table")?.get();
+        table.supervision.settle /= 2;
+        let table = table.validate()?;
+        let mut room = [0; TABLE_ROOM];
+        let bytes = table.encode(&mut room).ok_or("a table that is too long")?;
+        for (at, piece) in (0..).step_by(256).zip(bytes.chunks(256)) {
+            self.done(&Request::Piece(at, piece.iter().copied().collect()))?;
+        }
+        // Shorter than the room.
+        let length = bytes.len() as u32;
+        let keep = Request::Keep(length, table.checksum() ^ 1);
+        self.expect(&keep, |reply| matches!(reply, Reply::Refused(_)))?;
+        self.done(&Request::Keep(length, table.checksum()))?;
+        self.expect(&Request::Identity, |reply| {
+            matches!(reply, Reply::Identity(identity)
+                if identity.sent && identity.checksum == table.checksum())
+        })?;
+        self.done(&Request::SelfTest)?;
+        self.until(|mode| mode != Mode::Testing, Mode::Idle)?;
+        self.done(&Request::Start)?;
+        self.samples(2000)?;
+        let mode = Refusal::Mode;
+        self.expect(&Request::Forget, |reply| *reply == Reply::Refused(mode))?;
+        self.done(&Request::Stop)?;
+        self.until(|mode| mode != Mode::Stopping, Mode::Idle)?;
+        self.done(&Request::Forget)?;
+        self.expect(
+            &Request::Identity,
+            |reply| matches!(reply, Reply::Identity(identity) if !identity.sent),
+        )
+    }
+
+    fn report(&self) -> Outcome<Report> {
+        let report = self.host.with(|controller| controller.report());
+        report.ok_or_else(|| "no table".into())
     }
 
     fn sample(&mut self) -> Outcome<()> {
@@ -294,7 +343,7 @@ impl Session<'_> {
         if let Some(code) = self.stuck {
             adc.sensors[2].0 = code;
         }
-        let expected = self.host.on_sample(adc.into());
+        let expected = self.host.on_sample(adc.into()).ok_or("no table")?;
         let dac = match &mut self.board {
             Some(board) => parse_reply(&exchange(&mut board.converters, &request(adc))?)?,
             None => expected,
@@ -319,12 +368,12 @@ impl Session<'_> {
     /// `expected`.
     fn until(&mut self, end: impl Fn(Mode) -> bool, expected: Mode) -> Outcome<()> {
         for _ in 0..400_000 {
-            let mode = self.host.report().mode;
+            let mode = self.report()?.mode;
             if end(mode) {
                 return if mode == expected {
                     Ok(())
                 } else {
-                    let fault = self.host.report().fault;
+                    let fault = self.report()?.fault;
                     Err(format!("{mode:?} with {fault:?}, not {expected:?}").into())
                 };
             }
@@ -340,7 +389,7 @@ impl Session<'_> {
             version: VERSION,
             session: self.session,
             sequence: self.sequence,
-            body: *request,
+            body: request.clone(),
         };
         let frame = encode(&packet).ok_or("a request that is too long")?;
         let reply = self.frames(&frame)?;
@@ -350,12 +399,9 @@ impl Session<'_> {
 
     /// Sends bytes to both.
     fn frames(&mut self, bytes: &[u8]) -> Outcome<Packet<Reply>> {
-        let mut cutter = Cutter::new();
         let mut expected = None;
         for byte in bytes {
-            if let Some(incoming) = cutter.push(*byte) {
-                expected = encode(&self.server.answer(incoming, &mut self.host));
-            }
+            expected = self.link.on_byte(*byte, self.host).or(expected);
         }
         let expected = expected.ok_or("a frame without an answer")?;
         let found = match &mut self.board {
@@ -405,7 +451,7 @@ impl Session<'_> {
     /// A frame with a bit turned, an old one, and one of no session: each is
     /// refused and changes nothing.
     fn garbled(&mut self) -> Outcome<()> {
-        let before = self.host.report();
+        let before = self.report()?;
         let packet = |session, sequence| {
             encode(&Packet {
                 version: VERSION,
@@ -429,7 +475,7 @@ impl Session<'_> {
                 return Err(format!("{reply:?}, not {why:?}").into());
             }
         }
-        if self.host.report() == before {
+        if self.report()? == before {
             Ok(())
         } else {
             Err("a refused frame changed something".into())

@@ -17,9 +17,12 @@ use critical_section::Mutex;
 use firmware::exchange::{REQUEST, parse_request, refusal, reply};
 use firmware::link_task::LinkTask;
 use firmware::loop_task::Board;
+use firmware::ram_flash::RamFlash;
+use firmware::store::Store;
 use firmware::tables::Entry;
 use heapless::Deque;
 use shared::recorder::Record;
+use shared::table::Limits;
 use uart::{Line, Receive};
 
 /// Records that the recorder has room for.
@@ -36,14 +39,15 @@ static INCOMING: Mutex<RefCell<(Option<Receive>, Deque<u8, 1024>)>> =
     Mutex::new(RefCell::new((None, Deque::new())));
 
 /// Runs the controller of a machine for ever.
-pub fn run(entry: &Entry) -> ! {
+pub fn run(entry: &'static Entry) -> ! {
     let (Some(room), Some(mut core)) = (
         cortex_m::singleton!(: [Record; ROOM] = [Record::NONE; ROOM]),
         Peripherals::take(),
     ) else {
         panic!("run is called once");
     };
-    BOARD.begin(entry, room);
+    let store = Store::new(RamFlash::new(), 0..RamFlash::SIZE as u32);
+    let mut link = LinkTask::begin(&BOARD, entry, Limits::NONE, store, room);
     let converters = uart::CONVERTERS.open();
     let (mut send, receive) = uart::LINK.open().split();
     critical_section::with(|cs| {
@@ -58,7 +62,6 @@ pub fn run(entry: &Entry) -> ! {
         NVIC::unmask(uart::CONVERTERS.interrupt);
         NVIC::unmask(uart::LINK.interrupt);
     }
-    let mut link = LinkTask::new();
     loop {
         let byte = critical_section::with(|cs| INCOMING.borrow_ref_mut(cs).1.pop_front());
         if let Some(frame) = byte.and_then(|byte| link.on_byte(byte, &BOARD)) {
