@@ -8,10 +8,12 @@ use std::str::FromStr;
 use std::time::{Duration, Instant, SystemTime};
 
 use shared::LEGS;
-use shared::controller::{Identity, Refusal, Report, Telemetry};
+use shared::controller::{Health, Identity, Refusal, Report, Telemetry};
+use shared::link::upload::PIECE;
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recorded, Recording};
 use shared::supervisor::Cause;
+use shared::table::{TABLE_ROOM, ValidTable};
 
 /// Where a board is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -314,6 +316,31 @@ impl Client {
             Reply::Identity(identity) => Ok(identity),
             _ => Err(LinkError::Answer),
         }
+    }
+
+    /// How its processor does.
+    ///
+    /// # Errors
+    /// As [`Client::ask`].
+    pub fn health(&mut self) -> Result<Health, LinkError> {
+        match self.ask(Request::Health)? {
+            Reply::Health(health) => Ok(health),
+            _ => Err(LinkError::Answer),
+        }
+    }
+
+    /// Sends a table, which the board then keeps and runs.
+    ///
+    /// # Errors
+    /// As [`Client::ask`]; where the board cannot run it.
+    pub fn send_table(&mut self, table: &ValidTable) -> Result<(), LinkError> {
+        let mut room = [0; TABLE_ROOM];
+        let bytes = table.encode(&mut room).ok_or(LinkError::Answer)?;
+        for (at, piece) in (0..).step_by(PIECE).zip(bytes.chunks(PIECE)) {
+            self.command(Request::Piece(at, piece.iter().copied().collect()))?;
+        }
+        // Shorter than the room.
+        self.command(Request::Keep(bytes.len() as u32, table.checksum()))
     }
 
     /// Waits until `is` holds.

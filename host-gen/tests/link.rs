@@ -93,6 +93,17 @@ fn a_session_over_tcp() {
     let report = client.wait_for(|r| r.mode != Mode::Stopping).unwrap();
     assert_eq!(report.mode, Mode::Idle);
 
+    // Another table, and back.
+    let mut tuned = *table.get();
+    tuned.self_test.pilot = 0.0;
+    let tuned = tuned.validate().unwrap();
+    client.send_table(&tuned).unwrap();
+    let identity = client.identity().unwrap();
+    assert_eq!((identity.checksum, identity.sent), (tuned.checksum(), true));
+    assert_eq!(client.report().unwrap().mode, Mode::Untested);
+    client.command(Request::Forget).unwrap();
+    assert_eq!(client.identity().unwrap().checksum, table.checksum());
+
     // Another session ends this one.
     let mut other = Client::connect(&board.1).unwrap();
     other.report().unwrap();

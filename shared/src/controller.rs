@@ -79,8 +79,8 @@ pub struct Identity {
     pub sent: bool,
 }
 
-/// How the board's processor does. Times in ns, since power came or the board was
-/// last asked for them.
+/// How the board's processor does. Times in ns, since power came; 0 on a board without
+/// a clock for them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Health {
     /// Why the board last started.

@@ -168,6 +168,7 @@ kind, reader = board.ask(2)
 assert kind == 2
 layout, model = reader.u(), bytes(reader.byte() for _ in range(32))
 checksum, rate, room = reader.u(), reader.f(), reader.u()
+assert reader.byte() == 0, "a fresh board runs the table compiled in"
 print(f"table {checksum:08x}, layout {layout}, {rate:.0f} Hz, room for {room}, model {model.hex()[:16]}")
 
 before = board.report()

@@ -7,11 +7,13 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 use host_gen::frf::{self, Line, Settings, measure};
 use host_gen::link::{Address, Client, cause};
+use host_gen::machine::Machine;
+use host_gen::study::Study;
 use indicatif::ProgressBar;
 use serde::Serialize;
 use shared::LEGS;
 use shared::codes::AdcCode;
-use shared::controller::{Identity, Report};
+use shared::controller::{Health, Identity, Report, Restart};
 use shared::injection::{Injection, Signal};
 use shared::link::Request;
 use shared::recorder::{Record, Recorded, Recording, Trigger};
@@ -74,6 +76,11 @@ enum Action {
         #[arg(long)]
         count: Option<u64>,
     },
+    /// How the board's processor does: load, longest run, jitter, stack, last restart.
+    Health,
+    /// Sends the table that a machine file gives; the board checks it whole, keeps it
+    /// through power failure and runs it, untested. Only while the legs are at rest.
+    Table(TableArguments),
     /// Measures the plant in place, and with the loop closed its sensitivity, and
     /// lays them over the model's.
     Frf(Frf),
@@ -141,6 +148,16 @@ enum When {
     Fault,
     Injection,
     Rise,
+}
+
+#[derive(Args)]
+struct TableArguments {
+    /// Machine file.
+    #[arg(required_unless_present = "forget")]
+    model: Option<PathBuf>,
+    /// Goes back to the table compiled into the firmware.
+    #[arg(long, conflicts_with = "model")]
+    forget: bool,
 }
 
 #[derive(Args)]
@@ -222,6 +239,18 @@ pub fn link(arguments: &LinkArguments) -> Result<(), Failure> {
             csv(None, &records)
         }
         Action::Telemetry { every, count } => telemetry(&mut client, *every, *count),
+        Action::Health => crate::print(format, &Does(client.health()?)),
+        Action::Table(table) => {
+            match &table.model {
+                Some(model) => {
+                    let study = Study::new(Machine::load(model)?)?;
+                    let (table, _) = crate::table(model, &study)?;
+                    client.send_table(&table)?;
+                }
+                None => client.command(Request::Forget)?,
+            }
+            crate::print(format, &Runs(client.identity()?))
+        }
         Action::Frf(arguments) => measured(&mut client, arguments, format),
     }
 }
@@ -322,7 +351,45 @@ impl Display for Runs {
         for byte in identity.model.0 {
             write!(f, "{byte:02x}")?;
         }
-        writeln!(f)
+        let sent = if identity.sent {
+            "sent over the link"
+        } else {
+            "compiled in"
+        };
+        writeln!(f, "\n  {sent}")
+    }
+}
+
+#[derive(Serialize)]
+struct Does(Health);
+
+impl Display for Does {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let health = &self.0;
+        let restart = match health.restart {
+            Restart::Power => "power",
+            Restart::Pin => "its reset pin",
+            Restart::Watchdog => "the watchdog",
+            Restart::Panic => "a panic",
+            Restart::HardFault => "a hard fault",
+        };
+        writeln!(f, "last started by {restart}")?;
+        if health.period == 0 {
+            return writeln!(f, "  its time is not measured");
+        }
+        let us = |ns: u32| f64::from(ns) * 1e-3;
+        let part = |ns: u32| 100.0 * f64::from(ns) / f64::from(health.period);
+        writeln!(
+            f,
+            "  loop: {:.1} µs of {:.1} ({:.0} %), at the most {:.1} µs ({:.0} %); jitter {:.2} µs",
+            us(health.usual),
+            us(health.period),
+            part(health.usual),
+            us(health.longest),
+            part(health.longest),
+            us(health.jitter)
+        )?;
+        writeln!(f, "  stack never used: {} bytes", health.stack)
     }
 }
 
