@@ -2,12 +2,13 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
-use shared::link::{Answer, Cutter, FRAME, Server, Shelf, encode};
+use shared::controller::Refusal;
+use shared::link::{Answer, Cutter, FRAME, Job, Server, encode};
 use shared::recorder::Record;
-use shared::table::Limits;
+use shared::table::{Limits, ValidTable};
 
 use crate::loop_task::Board;
-use crate::store::Store;
+use crate::store::{Failed, Store};
 use crate::tables::Entry;
 
 /// The board's end of the link, with its memory for a table.
@@ -53,22 +54,32 @@ impl<F: NorFlash> LinkTask<F> {
     /// One byte from the host; the frame to send where one is due.
     pub fn on_byte(&mut self, byte: u8, board: &Board) -> Option<Vec<u8, FRAME>> {
         let incoming = self.cutter.push(byte)?;
-        let limits = &self.limits;
-        let answer = board.with(|controller| self.server.answer(incoming, controller, limits))?;
+        let answer = board.with(|controller| self.server.answer(incoming, controller))?;
         let reply = match answer {
             Answer::Reply(reply) => reply,
-            // Between two holds of the controller: the loop goes on, its legs at rest.
-            Answer::Shelve(shelf) => {
-                let kept = match (&mut self.store, &shelf) {
-                    (Some(store), Shelf::Keep(table)) => store.keep(table).is_ok(),
-                    (Some(store), Shelf::Forget) => store.forget().is_ok(),
-                    (None, _) => false,
-                };
-                let compiled = (*self.entry.table, self.entry.checksum);
-                board.with(|controller| self.server.shelved(kept, shelf, compiled, controller))?
+            Answer::Table(job) => {
+                // Without the controller: the loop goes on, its legs at rest.
+                let outcome = self.shelve(job);
+                board.with(|controller| self.server.run(outcome, controller))?
             }
         };
         encode(&reply)
+    }
+
+    /// Keeps or forgets a table; the one to run from here on.
+    fn shelve(&mut self, job: Job) -> Result<(ValidTable, u32, bool), Refusal> {
+        let store = self.store.as_mut().ok_or(Refusal::Memory)?;
+        let failed = |Failed| Refusal::Memory;
+        match self.server.table(job, &self.limits)? {
+            Some((table, checksum)) => {
+                store.keep(&table).map_err(failed)?;
+                Ok((table, checksum, true))
+            }
+            None => {
+                store.forget().map_err(failed)?;
+                Ok((*self.entry.table, self.entry.checksum, false))
+            }
+        }
     }
 
     /// What goes on without being asked: the telemetry to send next, if any, and

@@ -58,12 +58,16 @@ impl<'a> Sil<'a> {
     pub fn on_byte(&mut self, byte: u8) -> Option<Vec<u8>> {
         let incoming = self.cutter.push(byte)?;
         let controller = &mut self.controller;
-        let reply = match self.server.answer(incoming, controller, &Limits::NONE) {
+        let reply = match self.server.answer(incoming, controller) {
             Answer::Reply(reply) => reply,
             // Kept as long as this runs.
-            Answer::Shelve(shelf) => {
-                let compiled = (self.table, self.table.checksum());
-                self.server.shelved(true, shelf, compiled, controller)
+            Answer::Table(job) => {
+                let sent = self.server.table(job, &Limits::NONE);
+                let outcome = sent.map(|sent| match sent {
+                    Some((table, checksum)) => (table, checksum, true),
+                    None => (self.table, self.table.checksum(), false),
+                });
+                self.server.run(outcome, controller)
             }
         };
         encode(&reply).map(|frame| frame.to_vec())

@@ -251,7 +251,8 @@ impl<'a> Controller<'a> {
     }
 
     /// Runs another table from here on, `sent` over the link or compiled in. Nothing
-    /// has been tested under it.
+    /// has been tested under it. Its checksum is looked at with the next
+    /// [`Controller::table`].
     ///
     /// # Errors
     /// Where legs are driven or a fault is latched.
@@ -264,9 +265,6 @@ impl<'a> Controller<'a> {
         self.state = None;
         self.watch = Watch::NEW;
         self.dac = table.safe_codes();
-        if table.checksum() != checksum {
-            self.table_changed();
-        }
         Ok(())
     }
 

@@ -507,16 +507,17 @@ fn answer(
 ) -> Vec<Packet<Reply>> {
     let packets = bytes.iter().filter_map(|byte| cutter.push(*byte));
     packets
-        .map(
-            |incoming| match server.answer(incoming, controller, &Limits::NONE) {
-                Answer::Reply(reply) => reply,
-                Answer::Shelve(shelf) => {
-                    let compiled = plain();
-                    let compiled = (compiled, compiled.checksum());
-                    server.shelved(true, shelf, compiled, controller)
-                }
-            },
-        )
+        .map(|incoming| match server.answer(incoming, controller) {
+            Answer::Reply(reply) => reply,
+            Answer::Table(job) => {
+                let compiled = plain();
+                let outcome = server.table(job, &Limits::NONE).map(|sent| match sent {
+                    Some((table, checksum)) => (table, checksum, true),
+                    None => (compiled, compiled.checksum(), false),
+                });
+                server.run(outcome, controller)
+            }
+        })
         .collect()
 }
 

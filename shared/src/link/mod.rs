@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::CRC_32;
 
 pub use message::{CHUNK, Reply, Request};
-pub use server::{Answer, Server, Shelf};
+pub use server::{Answer, Job, Server};
 
 /// Version of frames and messages.
 pub const VERSION: u8 = 1;

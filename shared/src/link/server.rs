@@ -18,19 +18,21 @@ use crate::table::{Limits, ValidTable};
 pub enum Answer {
     /// Send this.
     Reply(Packet<Reply>),
-    /// First do this, which takes long, and then call [`Server::shelved`].
-    Shelve(Shelf),
+    /// A table is to be kept or forgotten, which takes too long to hold the controller
+    /// for: see [`Server::table`], do it, then call [`Server::run`].
+    Table(Job),
 }
 
-/// What a board is to do with its memory for a table.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(
-    clippy::large_enum_variant,
-    reason = "one at a time, and nothing to allocate a box from"
-)]
-pub enum Shelf {
-    /// Keep this one.
-    Keep(ValidTable),
+/// What is asked about a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Job {
+    /// Keep the one that came.
+    Keep {
+        /// Bytes.
+        length: u32,
+        /// CRC-32.
+        checksum: u32,
+    },
     /// Forget what was kept.
     Forget,
 }
@@ -59,17 +61,15 @@ impl Server {
     }
 
     /// Carries out a request, or says why not. A frame that is malformed, of
-    /// another session or not newer than the last changes nothing. `limits` are those
-    /// of the board.
+    /// another session or not newer than the last changes nothing.
     pub fn answer(
         &mut self,
         incoming: Result<Packet<Request>, FrameError>,
         controller: &mut Controller<'_>,
-        limits: &Limits,
     ) -> Answer {
         let (sequence, outcome) = match incoming {
-            Ok(packet) => match self.shelf(&packet, controller, limits) {
-                Some(Ok(shelf)) => return Answer::Shelve(shelf),
+            Ok(packet) => match self.job(&packet, controller) {
+                Some(Ok(job)) => return Answer::Table(job),
                 Some(Err(refusal)) => (packet.sequence, Err(refusal)),
                 None => (packet.sequence, self.carry_out(&packet, controller)),
             },
@@ -79,25 +79,31 @@ impl Server {
         Answer::Reply(self.packet(sequence, outcome))
     }
 
-    /// The answer to a request whose table the board has `kept`, or forgotten, or could
-    /// not; `compiled` is the table compiled in, with its checksum.
-    pub fn shelved(
+    /// The table of a job, with its checksum, for a board with these `limits`; none if
+    /// it is to be forgotten.
+    ///
+    /// # Errors
+    /// Where what came is no table that runs there.
+    pub fn table(&self, job: Job, limits: &Limits) -> Result<Option<(ValidTable, u32)>, Refusal> {
+        match job {
+            Job::Keep { length, checksum } => {
+                let table = self.upload.table(length, checksum, limits)?;
+                Ok(Some((table, checksum)))
+            }
+            Job::Forget => Ok(None),
+        }
+    }
+
+    /// The end of a job: the answer to it. `outcome` is the table to run from here on,
+    /// with its checksum and whether it was `sent`, or why there is none.
+    pub fn run(
         &mut self,
-        kept: bool,
-        shelf: Shelf,
-        compiled: (ValidTable, u32),
+        outcome: Result<(ValidTable, u32, bool), Refusal>,
         controller: &mut Controller<'_>,
     ) -> Packet<Reply> {
-        let outcome = if kept {
-            let ((table, checksum), sent) = match shelf {
-                Shelf::Keep(table) => ((table, table.checksum()), true),
-                Shelf::Forget => (compiled, false),
-            };
-            let replaced = controller.replace(table, checksum, sent);
-            replaced.map(|()| Reply::Done)
-        } else {
-            Err(Refusal::Memory)
-        };
+        let outcome = outcome
+            .and_then(|(table, checksum, sent)| controller.replace(table, checksum, sent))
+            .map(|()| Reply::Done);
         self.packet(self.sequence, outcome)
     }
 
@@ -144,7 +150,7 @@ impl Server {
         self.accept(packet, controller)?;
         let done = |()| Reply::Done;
         match packet.body {
-            // Above, and in `shelf`.
+            // Above, and in `job`.
             Request::Hello(_) => Ok(Reply::Hello),
             Request::Keep(..) | Request::Forget => Err(Refusal::Frame),
             Request::Report => Ok(Reply::Report(controller.report())),
@@ -167,31 +173,25 @@ impl Server {
         }
     }
 
-    /// What a request would have the board do with its memory; none if it is about
-    /// something else.
-    fn shelf(
+    /// What a request asks about a table; none if it is about something else.
+    fn job(
         &mut self,
         packet: &Packet<Request>,
         controller: &mut Controller<'_>,
-        limits: &Limits,
-    ) -> Option<Result<Shelf, Refusal>> {
-        let table = match packet.body {
-            Request::Keep(length, checksum) => Some((length, checksum)),
-            Request::Forget => None,
+    ) -> Option<Result<Job, Refusal>> {
+        let job = match packet.body {
+            Request::Keep(length, checksum) => Job::Keep { length, checksum },
+            Request::Forget => Job::Forget,
             _ => return None,
         };
-        let shelf = self.accept(packet, controller).and_then(|()| {
-            if !controller.is_replaceable() {
-                return Err(Refusal::Mode);
-            }
-            match table {
-                Some((length, checksum)) => {
-                    self.upload.table(length, checksum, limits).map(Shelf::Keep)
-                }
-                None => Ok(Shelf::Forget),
+        let accepted = self.accept(packet, controller).and_then(|()| {
+            if controller.is_replaceable() {
+                Ok(job)
+            } else {
+                Err(Refusal::Mode)
             }
         });
-        Some(shelf)
+        Some(accepted)
     }
 
     /// Whether a request belongs to the session and is new; it then counts.

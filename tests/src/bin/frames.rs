@@ -11,7 +11,6 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::controller::{Controller, Refusal};
 use shared::link::{Answer, Cutter, Packet, Reply, Request, Server, VERSION, encode};
-use shared::table::Limits;
 
 /// Sends bad frames to the board's end of the link.
 #[derive(Parser)]
@@ -42,18 +41,16 @@ fn main() -> ExitCode {
     let mut answers = |bytes: &[u8]| -> Vec<Packet<Reply>> {
         let packets = bytes.iter().filter_map(|byte| cutter.push(*byte));
         packets
-            .map(
-                |incoming| match server.answer(incoming, &mut controller, &Limits::NONE) {
-                    Answer::Reply(reply) => reply,
-                    // No bad frame may come so far.
-                    Answer::Shelve(_) => Packet {
-                        version: VERSION,
-                        session: 0,
-                        sequence: 0,
-                        body: Reply::Done,
-                    },
+            .map(|incoming| match server.answer(incoming, &mut controller) {
+                Answer::Reply(reply) => reply,
+                // No bad frame may come so far.
+                Answer::Table(_) => Packet {
+                    version: VERSION,
+                    session: 0,
+                    sequence: 0,
+                    body: Reply::Done,
                 },
-            )
+            })
             .collect()
     };
     let hello = answers(&frame(0, 1000, Request::Hello(1)));
