@@ -28,7 +28,7 @@ const LEAST_SPIKE: f64 = 48.0;
 
 /// The pilot's answer, without the loop, stands this far above the sensors' noise: the
 /// loop takes most of it away, and lets DAC and floor add to the noise.
-const AUDIBLE: f64 = 60.0;
+const AUDIBLE: f64 = 150.0;
 
 /// When the supervisor of `machine` acts.
 pub fn supervision(machine: &Machine) -> Supervision {

@@ -123,7 +123,8 @@ impl SelfTest {
             && self.amplitude.is_finite()
             && self.pilot >= 0.0
             && self.pilot.is_finite();
-        let lengths = self.step > 0 && self.measure > 0 && self.watch > 0;
+        // Longer than it takes to conclude a leg, a sensor a sample.
+        let lengths = self.step > 0 && self.measure >= 16 && self.watch >= 16;
         if finite && sizes && lengths && self.tolerance > 0.0 {
             Ok(())
         } else {
@@ -132,16 +133,35 @@ impl SelfTest {
     }
 }
 
+/// What a leg's window has shown: by kind and sensor, units; by leg, N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Window {
+    shown: [[Phasor; LEGS]; 2],
+    given: [Phasor; LEGS],
+}
+
+impl Window {
+    const EMPTY: Self = Self {
+        shown: [[Phasor::ZERO; LEGS]; 2],
+        given: [Phasor::ZERO; LEGS],
+    };
+}
+
 /// A probe of all legs under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// The leg that pushes; one past the last while it listens.
+    /// The leg that pushes; one past the last while it listens, or waits for the
+    /// verdict.
     leg: usize,
     at: u32,
     phase: u32,
-    /// What this leg's window has shown: by kind and sensor, units; by leg, N.
-    shown: [[Phasor; LEGS]; 2],
-    given: [Phasor; LEGS],
+    window: Window,
+    /// The last one that ended, and how many of its sensors were looked at: one a
+    /// sample, for all at once would be the longest sample of all.
+    ended: Window,
+    stage: usize,
+    /// By kind, squared: how far it was off, and what it should have been.
+    off: [(f32, f32); 2],
     /// Over all legs, squared: by sensor how far its answers were off, and what they
     /// should have been.
     sensors: [(f32, f32); 2 * LEGS],
@@ -167,8 +187,10 @@ impl Probe {
         leg: 0,
         at: 0,
         phase: 0,
-        shown: [[Phasor::ZERO; LEGS]; 2],
-        given: [Phasor::ZERO; LEGS],
+        window: Window::EMPTY,
+        ended: Window::EMPTY,
+        stage: usize::MAX,
+        off: [(0.0, 0.0); 2],
         sensors: [(0.0, 0.0); 2 * LEGS],
         legs: [(0.0, [0.0; 2]); LEGS],
     };
@@ -192,25 +214,39 @@ impl Probe {
         dac: [DacCode; LEGS],
     ) -> Option<Verdict> {
         let test = &table.self_test;
-        if self.at >= test.settle {
-            self.add(table, course, samples, dac);
-        }
-        self.phase = self.phase.wrapping_add(test.step);
-        self.at += 1;
-        if self.at < test.settle.saturating_add(course.measure) {
-            return None;
-        }
-        let noise = self.close(table);
-        self.leg += 1;
-        (self.at, self.phase) = (0, 0);
-        (self.shown, self.given) = ([[Phasor::ZERO; LEGS]; 2], [Phasor::ZERO; LEGS]);
         let last = if course.listens { LEGS } else { LEGS - 1 };
         if self.leg <= last {
-            return None;
+            if self.at >= test.settle {
+                self.add(table, course, samples, dac);
+            }
+            self.phase = self.phase.wrapping_add(test.step);
+            self.at += 1;
+            if self.at >= test.settle.saturating_add(course.measure) {
+                self.leg += 1;
+                (self.at, self.phase) = (0, 0);
+                self.ended = core::mem::replace(&mut self.window, Window::EMPTY);
+                (self.stage, self.off) = (0, [(0.0, 0.0); 2]);
+                return None;
+            }
         }
-        let verdict = self.verdict(test, if course.listens { noise } else { [0.0; 2] });
-        *self = Self::NEW;
-        Some(verdict)
+        let stage = self.stage;
+        self.stage = stage.saturating_add(1);
+        if stage < 2 * LEGS {
+            self.look(table, stage);
+        } else if stage == 2 * LEGS {
+            self.close();
+            if self.leg > last {
+                let noise = if course.listens {
+                    self.off.map(|(error, _)| error)
+                } else {
+                    [0.0; 2]
+                };
+                let verdict = self.verdict(test, noise);
+                *self = Self::NEW;
+                return Some(verdict);
+            }
+        }
+        None
     }
 
     /// Lock-in: the conjugate of the sine's phasor, in a Hann window, which keeps
@@ -232,7 +268,7 @@ impl Probe {
             (Some(&table.sensors), samples.sensors),
             (beside, samples.forces),
         ];
-        for (shown, (sensors, codes)) in self.shown.iter_mut().zip(kinds) {
+        for (shown, (sensors, codes)) in self.window.shown.iter_mut().zip(kinds) {
             let Some(sensors) = sensors else { continue };
             for i in 0..LEGS {
                 let value = sensors[i].value(codes[i]);
@@ -240,45 +276,62 @@ impl Probe {
                 shown[i].im += value * cos;
             }
         }
-        for ((given, drive), code) in self.given.iter_mut().zip(&table.actuators).zip(dac) {
+        let given = self.window.given.iter_mut();
+        for ((given, drive), code) in given.zip(&table.actuators).zip(dac) {
             let force = drive.force(code);
             given.re += force * sin;
             given.im += force * cos;
         }
     }
 
-    /// The end of a leg's window; gives the squared error, by kind.
-    #[inline(never)]
-    fn close(&mut self, table: &Table) -> [f32; 2] {
-        let plant = [&table.self_test.sensors, &table.self_test.forces];
-        let kinds = if table.complement().is_some() { 2 } else { 1 };
-        let mut errors = [0.0; 2];
-        let mut wholes = [0.0; 2];
-        for kind in 0..kinds {
-            for i in 0..LEGS {
-                let mut expected = Phasor::ZERO;
-                for (answers, given) in plant[kind].iter().zip(self.given) {
-                    let part = answers[i].times(given);
-                    expected.re += part.re;
-                    expected.im += part.im;
-                }
-                let error = self.shown[kind][i].minus(expected).square();
-                let whole = expected.square();
-                errors[kind] += error;
-                wholes[kind] += whole;
-                if self.leg < LEGS {
-                    let sums = &mut self.sensors[kind * LEGS + i];
-                    *sums = (sums.0 + error, sums.1 + whole);
-                }
-            }
+    /// One sensor in the window that has ended.
+    fn look(&mut self, table: &Table, sensor: usize) {
+        let (kind, i) = (sensor / LEGS, sensor % LEGS);
+        if kind > 0 && table.complement().is_none() {
+            return;
         }
-        if let Some(leg) = self.legs.get_mut(self.leg) {
-            let worst = (0..kinds)
-                .map(|kind| over(errors[kind], wholes[kind]))
-                .fold(0.0, f32::max);
-            *leg = (worst, wholes);
+        let plant = if kind == 0 {
+            &table.self_test.sensors
+        } else {
+            &table.self_test.forces
+        };
+        let mut expected = Phasor::ZERO;
+        for (answers, given) in plant.iter().zip(self.ended.given) {
+            let part = answers[i].times(given);
+            expected.re += part.re;
+            expected.im += part.im;
         }
-        errors
+        let shown = self.ended.shown.as_flattened();
+        let (Some(shown), Some(sums), Some(off)) = (
+            shown.get(sensor),
+            self.sensors.get_mut(sensor),
+            self.off.get_mut(kind),
+        ) else {
+            return;
+        };
+        let error = shown.minus(expected).square();
+        let whole = expected.square();
+        *off = (off.0 + error, off.1 + whole);
+        // The window before this one's leg; what is only listened to is nobody's.
+        if self.leg <= LEGS {
+            *sums = (sums.0 + error, sums.1 + whole);
+        }
+    }
+
+    /// All sensors of a window were looked at.
+    fn close(&mut self) {
+        let pushed = self.leg.checked_sub(1);
+        if let Some(leg) = pushed.and_then(|leg| self.legs.get_mut(leg)) {
+            let worst = self.off.map(|(error, whole)| {
+                // No such kind.
+                if error == 0.0 && whole == 0.0 {
+                    0.0
+                } else {
+                    over(error, whole)
+                }
+            });
+            *leg = (worst[0].max(worst[1]), self.off.map(|(_, whole)| whole));
+        }
     }
 
     fn verdict(&self, test: &SelfTest, noise: [f32; 2]) -> Verdict {

@@ -219,7 +219,8 @@ impl Supervision {
             && self.lost > 0
             && self.spikes > 0
             && self.saturated > 0
-            && self.window > 1
+            // Longer than it takes to conclude one, a part a sample.
+            && self.window >= 16
             // The sums of a window.
             && self.window < 1 << 20
             && self.grown > 0

@@ -31,7 +31,13 @@ pub struct Watch {
     lost: u32,
     saturated: u32,
     silence: u32,
-    window: Window,
+    /// The one under way and the one before, by turns: to copy one would take longer
+    /// than all the rest.
+    windows: [Window; 2],
+    /// Which is under way, and how far the other was concluded.
+    turn: bool,
+    stage: usize,
+    variances: [f32; SENSORS],
     /// Windows in a row in which a sensor was strange.
     strange: [u32; SENSORS],
     /// Variance of the forces in the window before, of their limits.
@@ -107,7 +113,10 @@ impl Watch {
         lost: 0,
         saturated: 0,
         silence: 0,
-        window: Window::EMPTY,
+        windows: [Window::EMPTY; 2],
+        turn: false,
+        stage: usize::MAX,
+        variances: [0.0; SENSORS],
         strange: [0; SENSORS],
         power: 0.0,
         grown: 0,
@@ -192,13 +201,17 @@ impl Watch {
         if limits.silence > 0 && self.silence >= limits.silence {
             return Some(Cause::Silent);
         }
-        if self.window.late > limits.late {
+        let (window, _) = self.windows();
+        if window.late > limits.late {
             return Some(Cause::Late);
         }
-        if self.window.count >= limits.window {
-            return self.close_window(table, mode);
+        if window.count >= limits.window {
+            self.turn = !self.turn;
+            self.stage = 0;
+            let (next, _) = self.windows();
+            next.count = 0;
         }
-        None
+        self.conclude(table, mode)
     }
 
     fn count_spikes(&mut self, table: &Table, codes: [AdcCode; SENSORS], calm: bool) {
@@ -224,11 +237,20 @@ impl Watch {
         self.jumps = [there, back, now];
     }
 
+    /// The window under way, and the one before.
+    fn windows(&mut self) -> (&mut Window, &mut Window) {
+        let [a, b] = &mut self.windows;
+        if self.turn { (b, a) } else { (a, b) }
+    }
+
     fn add(&mut self, table: &Table, codes: [AdcCode; SENSORS], dac: [DacCode; LEGS], late: bool) {
-        let w = &mut self.window;
+        let (w, _) = self.windows();
         if w.count == 0 {
-            w.origin = codes;
-            w.start = dac;
+            *w = Window {
+                origin: codes,
+                start: dac,
+                ..Window::EMPTY
+            };
         }
         w.count += 1;
         w.late += u32::from(late);
@@ -245,33 +267,70 @@ impl Watch {
         }
     }
 
-    #[inline(never)]
-    fn close_window(&mut self, table: &Table, mode: Mode) -> Option<Cause> {
-        let limits = &table.supervision;
-        let w = core::mem::replace(&mut self.window, Window::EMPTY);
-        let n = w.count as f32;
-        // Variances, each kind's in its own unit.
-        let beside = table.complement().map(|complement| &complement.sensors);
-        let kinds = [Some(&table.sensors), beside];
-        for (kind, sensors) in kinds.into_iter().enumerate() {
-            let Some(sensors) = sensors else { continue };
-            let first = kind * LEGS;
-            let variances: [f32; LEGS] = core::array::from_fn(|i| {
-                let mean = w.sums[first + i] as f32 / n;
-                let variance = w.squares[first + i] as f32 / n - mean * mean;
-                variance * sensors[i].gain * sensors[i].gain
-            });
-            let mut sorted = variances;
-            sorted.sort_unstable_by(f32::total_cmp);
-            let median = 0.5 * (sorted[2] + sorted[3]);
-            let [wild_by, dull_by] = [limits.wild, limits.dull].map(|ratio| ratio * ratio);
-            let strange = self.strange.iter_mut().skip(first);
-            for (strange, variance) in strange.zip(variances) {
-                let wild = variance > wild_by * median;
-                let dull = variance * dull_by < median;
-                *strange = if wild || dull { *strange + 1 } else { 0 };
-            }
+    /// The next part of what a window that has ended says: a sensor a sample, then a
+    /// kind, then the forces. All at once would be the longest sample of all.
+    fn conclude(&mut self, table: &Table, mode: Mode) -> Option<Cause> {
+        let stage = self.stage;
+        self.stage = stage.saturating_add(1);
+        if stage < SENSORS {
+            self.variance(table, stage);
+        } else if stage < SENSORS + 2 {
+            self.compare(table, stage - SENSORS);
+        } else if stage == SENSORS + 2 {
+            return self.power(table, mode);
         }
+        None
+    }
+
+    /// A sensor's variance, in its own unit.
+    fn variance(&mut self, table: &Table, sensor: usize) {
+        let beside = table.complement().map(|complement| &complement.sensors);
+        let kind = if sensor < LEGS {
+            Some(&table.sensors)
+        } else {
+            beside
+        };
+        let Some(calibration) = kind.and_then(|kind| kind.get(sensor % LEGS)) else {
+            return;
+        };
+        let [a, b] = &self.windows;
+        let w = if self.turn { a } else { b };
+        let n = w.count as f32;
+        if let (Some(variance), Some(sum), Some(square)) = (
+            self.variances.get_mut(sensor),
+            w.sums.get(sensor),
+            w.squares.get(sensor),
+        ) {
+            let mean = *sum as f32 / n;
+            *variance = (*square as f32 / n - mean * mean) * calibration.gain * calibration.gain;
+        }
+    }
+
+    /// A kind's sensors with each other.
+    fn compare(&mut self, table: &Table, kind: usize) {
+        let limits = &table.supervision;
+        let (Some(variances), Some(strange)) = (
+            self.variances.as_chunks::<LEGS>().0.get(kind),
+            self.strange.as_chunks_mut::<LEGS>().0.get_mut(kind),
+        ) else {
+            return;
+        };
+        let mut sorted = *variances;
+        sorted.sort_unstable_by(f32::total_cmp);
+        let median = 0.5 * (sorted[2] + sorted[3]);
+        let [wild_by, dull_by] = [limits.wild, limits.dull].map(|ratio| ratio * ratio);
+        for (strange, variance) in strange.iter_mut().zip(variances) {
+            let wild = *variance > wild_by * median;
+            let dull = variance * dull_by < median;
+            *strange = if wild || dull { *strange + 1 } else { 0 };
+        }
+    }
+
+    /// The forces, and what all of it comes to.
+    fn power(&mut self, table: &Table, mode: Mode) -> Option<Cause> {
+        let limits = &table.supervision;
+        let (_, w) = self.windows();
+        let n = w.count as f32;
         // About its mean: what is slow, as the loop's own motion, is no part of it.
         let power = (0..LEGS)
             .map(|i| {

@@ -140,7 +140,7 @@ impl<'a> Bench<'a> {
 
     fn reach_idle(&mut self) {
         self.controller.ask(Event::SelfTest).unwrap();
-        self.run(6 * 128 + 2);
+        self.run(6 * 128 + 20);
         assert_eq!(self.mode(), Mode::Idle, "{:?}", self.controller.report());
     }
 
@@ -169,7 +169,7 @@ fn the_self_test_names_the_sensor() {
     assert_eq!(bench.dac, SAFE);
     bench.inverted = true;
     bench.controller.ask(Event::SelfTest).unwrap();
-    bench.run(6 * 128 + 2);
+    bench.run(6 * 128 + 20);
     assert_eq!(bench.cause(), Some(Cause::TestSensors(1 << 1)));
 }
 
@@ -183,7 +183,7 @@ fn the_pilot_names_the_place() {
     t.self_test.pilot = 5.0;
     t.self_test.watch = 1280;
     let t = t.validate().unwrap();
-    let cycle = 7 * 1280;
+    let cycle = 7 * 1280 + 20;
     let mut bench = Bench::with(t, &mut []);
     bench.reach_closed();
     bench.run(5 * cycle);

@@ -1,4 +1,4 @@
-//! The emulated boards: how to build for them and how to start them.
+//! The boards: how to build for them, and how to start the emulated ones.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -26,14 +26,31 @@ pub const BOARDS: [Board; 2] = [
     },
 ];
 
-/// Builds the board's binaries; gives the folder they are in.
+/// Builds the emulated board's binaries; gives the folder they are in.
 pub fn build(board: &Board, tools: &Tools) -> Outcome<PathBuf> {
+    let features = ["--no-default-features", "--features", "mps2"];
+    build_for(board.machine, board.cpu, &features, tools)
+}
+
+/// Builds the reference board's image; gives its path.
+pub fn build_reference(tools: &Tools) -> Outcome<PathBuf> {
+    Ok(build_for(REFERENCE, "cortex-m7", &["--bin", REFERENCE], tools)?.join(REFERENCE))
+}
+
+/// The reference board's image.
+pub const REFERENCE: &str = "nucleo-h743";
+
+/// What probe-rs calls its processor.
+pub const CHIP: &str = "STM32H743ZITx";
+
+fn build_for(name: &str, cpu: &str, arguments: &[&str], tools: &Tools) -> Outcome<PathBuf> {
     // A folder per board, so that one does not rebuild the other.
-    let folder = Path::new("target").join("boards").join(board.machine);
+    let folder = Path::new("target").join("boards").join(name);
     let mut command = cargo();
     command
         .args(["build", "--quiet", "--profile", "board"])
-        .args(["--package", "firmware", "--features", "mps2"])
+        .args(["--package", "firmware"])
+        .args(arguments)
         .args(["--target", TARGET])
         .arg("--target-dir")
         .arg(&folder)
@@ -42,8 +59,9 @@ pub fn build(board: &Board, tools: &Tools) -> Outcome<PathBuf> {
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env(
             "CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUSTFLAGS",
-            format!("-C target-cpu={}", board.cpu),
-        );
+            format!("-C target-cpu={cpu}"),
+        )
+        .env("DEFMT_LOG", "info");
     tools.apply(&mut command);
     run(&mut command)?;
     Ok(folder.join(TARGET).join("board"))

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod boards;
+mod size;
 mod tools;
 
 use std::env;
@@ -10,7 +11,7 @@ use std::process::{Command, ExitCode, Stdio};
 
 use clap::{Args, Parser, Subcommand};
 
-use boards::BOARDS;
+use boards::{BOARDS, CHIP};
 use tools::Tools;
 
 /// Every task of the project that is more than one cargo command.
@@ -64,6 +65,17 @@ enum Task {
     Exudyn,
     /// Finds, or installs, what the boards need, and builds their firmware.
     Build(Setup),
+    /// Builds the reference board's image, flashes it with probe-rs and shows its log.
+    Flash(Setup),
+    /// Flash and memory that the reference board's image takes, against the baseline in
+    /// firmware/size.txt.
+    Size {
+        #[command(flatten)]
+        setup: Setup,
+        /// Write the baseline anew.
+        #[arg(long)]
+        update: bool,
+    },
 }
 
 #[derive(Args)]
@@ -116,8 +128,13 @@ fn main() -> ExitCode {
             for board in &BOARDS {
                 boards::build(board, &tools)?;
             }
+            println!("{}", boards::build_reference(&tools)?.display());
             Ok(())
         }),
+        Task::Flash(setup) => Tools::find(!setup.no_install).and_then(|tools| flash(&tools)),
+        Task::Size { setup, update } => {
+            Tools::find(!setup.no_install).and_then(|tools| size::size(&tools, update))
+        }
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -160,6 +177,14 @@ fn pil(tools: &Tools, samples: u32) -> Outcome<()> {
         run(&mut command)?;
     }
     Ok(())
+}
+
+fn flash(tools: &Tools) -> Outcome<()> {
+    let image = boards::build_reference(tools)?;
+    let mut command = Command::new("probe-rs");
+    command.args(["run", "--chip", CHIP]).arg(image);
+    run(&mut command)
+        .map_err(|problem| format!("{problem}; probe-rs: cargo install probe-rs-tools --locked"))
 }
 
 fn emulate(tools: &Tools, model: &str, listen: &str) -> Outcome<()> {

@@ -19,7 +19,9 @@ use firmware::tables::{both_sensors, metrology_frame};
 use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::{AdcCode, Samples};
+use shared::controller::Controller;
 use shared::step::{Clamp, Demand, LawState, Output, State, Status, force, step};
+use shared::supervisor::{Event, Mode};
 use shared::table::{Direct, Law, Paths, ValidTable};
 
 type Six = [f32; LEGS];
@@ -96,7 +98,57 @@ fn main() -> ! {
         panic!("a table of finite numbers");
     };
     measure("direct", &direct);
+    controller("modal", &metrology_frame::TABLE);
+    controller("both", &both_sensors::TABLE);
     stop::done()
+}
+
+/// Samples that hold each thing the controller does now and then: the end of the
+/// pilot's measuring of a leg, of the monitors' windows.
+const SAMPLES: u32 = 30_000;
+
+/// Prints what the whole controller takes with the loop closed, on average and at the
+/// most.
+fn controller(name: &str, table: &ValidTable) {
+    // No machine answers here: a self-test that anything passes, a start at once.
+    let mut t = *table.get();
+    t.self_test.tolerance = 1e6;
+    t.self_test.settle = 1;
+    t.self_test.measure = 16;
+    t.supervision.settle = 1;
+    t.supervision.ramp = 2.0;
+    t.supervision.stuck = 0;
+    let Ok(table) = t.validate() else {
+        panic!("a table that is one");
+    };
+    let mut controller = Controller::new(table, table.checksum(), &mut []);
+    let samples = Samples {
+        sensors: [AdcCode(1); LEGS],
+        forces: [AdcCode(1); LEGS],
+    };
+    for event in [Event::SelfTest, Event::Start] {
+        let _ = controller.ask(event);
+        for _ in 0..200 {
+            black_box(controller.on_sample(samples.into()));
+        }
+    }
+    if controller.report().mode != Mode::Closed {
+        panic!("the loop is to be closed");
+    }
+    let average = instructions(|| {
+        black_box(controller.on_sample(black_box(samples.into())));
+    });
+    // Reading the counter costs thousands of instructions itself, always the same.
+    let (mut least, mut most) = (u32::MAX, 0);
+    for _ in 0..SAMPLES {
+        let start = SYST::get_current();
+        black_box(controller.on_sample(black_box(samples.into())));
+        let ticks = start.wrapping_sub(SYST::get_current()) & 0x00FF_FFFF;
+        let instructions = ticks * 5 / TICKS_PER_FIVE;
+        (least, most) = (least.min(instructions), most.max(instructions));
+    }
+    hprintln!("{} sample {}", name, average);
+    hprintln!("{} longest {}", name, average + most - least);
 }
 
 /// Prints what `cargo xtask bench` compares: name and instructions.

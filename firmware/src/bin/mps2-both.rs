@@ -10,5 +10,5 @@ use firmware::tables;
 
 #[entry]
 fn main() -> ! {
-    board::run(&tables::ALL[1])
+    board::run(&tables::BOTH_SENSORS)
 }

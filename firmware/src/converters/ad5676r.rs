@@ -128,6 +128,11 @@ impl<S: SpiDevice> Ad5676r<S> {
         Ok(())
     }
 
+    /// The bus, to change its clock.
+    pub fn into_device(self) -> S {
+        self.device
+    }
+
     fn send(&mut self, command: Command) -> Result<(), Error> {
         self.device.write(&command.encode()).map_err(|_| Error::Bus)
     }

@@ -629,9 +629,6 @@ fn supervision(s: &file::Supervision, sample_rate: f64) -> Checked<()> {
         ("safe_ramp", s.safe_ramp),
         ("rail", s.rail),
         ("saturated", s.saturated.unwrap_or(s.settle)),
-        ("window", s.window),
-        ("test_time", s.test_time),
-        ("pilot_time", s.pilot_time),
     ] {
         let entry = format!("supervision.{key}");
         positive(&entry, time)?;
@@ -639,6 +636,20 @@ fn supervision(s: &file::Supervision, sample_rate: f64) -> Checked<()> {
             return Err(Fault::new(
                 entry,
                 format!("{time} s is not between two samples and {longest:.0} s"),
+            ));
+        }
+    }
+    // What follows a window takes a sample a sensor.
+    for (key, time) in [
+        ("window", s.window),
+        ("test_time", s.test_time),
+        ("pilot_time", s.pilot_time),
+    ] {
+        positive(&format!("supervision.{key}"), time)?;
+        if time > longest || time * sample_rate < 16.0 {
+            return Err(Fault::new(
+                format!("supervision.{key}"),
+                format!("{time} s is not between sixteen samples and {longest:.0} s"),
             ));
         }
     }

@@ -26,7 +26,7 @@ struct Cli {
 fn main() -> ExitCode {
     let Cli { frames, seed } = Cli::parse();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let entry = &tables::ALL[0];
+    let entry = &tables::METROLOGY_FRAME;
     let mut controller = Controller::new(*entry.table, entry.checksum, &mut []);
     let (mut cutter, mut server) = (Cutter::new(), Server::new());
     let frame = |session, sequence, body| {

@@ -11,5 +11,5 @@ use firmware::tables;
 
 #[entry]
 fn main() -> ! {
-    board::run(&tables::ALL[0])
+    board::run(&tables::METROLOGY_FRAME)
 }

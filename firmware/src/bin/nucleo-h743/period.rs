@@ -1,0 +1,83 @@
+//! The period: TIM1 alone says when things happen.
+//!
+//! ```text
+//!            0                 READ                    latch         T
+//! CH1  ──┐▔▔▔▔▔└───────────────────────────────────────────────────┐▔▔▔  CONVST
+//! CC2                           ▲ interrupt: read, step, write
+//! CH3  ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔└──┘▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔  LDAC
+//! ```
+//!
+//! CH3 together with CH4 makes the LDAC pulse (combined PWM mode 2: both references;
+//! RM0433, chapter 38), so that it may lie anywhere in the period; a latch later than
+//! T lies in the next one, before that one's codes are written.
+
+use embassy_stm32::pac::timer::{regs, vals};
+use embassy_stm32::pac::{RCC, TIM1};
+
+use crate::clocks::TIMER;
+
+/// From CONVST to the interrupt, s: the longest conversion and a little.
+pub const READ: f32 = 4.5e-6;
+
+/// CONVST and LDAC, s; both converters want 25 ns at the most.
+const PULSE: f32 = 1e-6;
+
+fn counts(seconds: f32) -> u32 {
+    // A cast holds what does not fit at the ends.
+    (seconds * TIMER as f32 + 0.5) as u32
+}
+
+/// Counts in a period of `rate` Hz, its prescaler, and the compare value of a time.
+fn division(rate: f32) -> (u32, u32) {
+    let whole = counts(1.0 / rate);
+    // The counter has sixteen bits.
+    let prescaler = whole / 65_536;
+    (whole / (prescaler + 1), prescaler)
+}
+
+/// Starts over with this sample rate, Hz, and latch, s after the sample. Nothing is
+/// converted, latched or interrupted in between.
+pub fn start(rate: f32, latch: f32) {
+    RCC.apb2enr().modify(|w| w.set_tim1en(true));
+    let (period, prescaler) = division(rate);
+    let at = |seconds: f32| (counts(seconds) / (prescaler + 1)) as u16;
+    let t = TIM1;
+    t.cr1().write(|w| w.set_cen(false));
+    t.dier().write(|_| {});
+    // Up to 65,536.
+    t.arr().write(|w| w.set_arr((period - 1) as u16));
+    t.psc().write_value(prescaler as u16);
+    t.ccr(0).write(|w| w.set_ccr(at(PULSE)));
+    t.ccr(1).write(|w| w.set_ccr(at(READ)));
+    let latch = (counts(latch) / (prescaler + 1)) % period;
+    let end = (latch + u32::from(at(PULSE))).min(period - 1);
+    t.ccr(2).write(|w| w.set_ccr(latch as u16));
+    t.ccr(3).write(|w| w.set_ccr(end as u16));
+    // CH1: PWM mode 1. CH2: its flag only.
+    t.ccmr_output(0)
+        .write(|w| w.set_ocm(0, vals::OcmGp::PWM_MODE1));
+    // CH3: from its own time on, and until CH4's.
+    t.ccmr_output(1).write(|w| {
+        w.set_ocm(0, vals::OcmGp::COMBINED_PWM_MODE_2);
+        w.set_ocm(1, vals::OcmGp::PWM_MODE1);
+    });
+    t.ccer().write(|w| {
+        w.set_cce(0, true);
+        w.set_cce(2, true);
+        // Low while it pulses.
+        w.set_ccp(2, true);
+    });
+    t.bdtr().write(|w| w.set_moe(true));
+    // Takes the prescaler over.
+    t.egr().write(|w| w.set_ug(true));
+    t.sr().write_value(regs::SrAdv(0));
+    t.dier().write(|w| w.set_ccie(1, true));
+    t.cr1().write(|w| w.set_cen(true));
+}
+
+/// Counts of TIM1's clock since the sample, at the interrupt, whose flag is cleared.
+pub fn acknowledge() -> u32 {
+    TIM1.sr().write_value(regs::SrAdv(!(1 << 2)));
+    let prescaler = u32::from(TIM1.psc().read()) + 1;
+    u32::from(TIM1.cnt().read().cnt()) * prescaler
+}

@@ -1,0 +1,107 @@
+//! A loop's SPI: frames of up to sixteen bytes, polled, no more than the bus needs.
+//! (STM32H742, H743 reference manual RM0433, chapter 50.)
+
+use embassy_stm32::gpio::Output;
+use embassy_stm32::pac::spi::{Spi as Registers, vals};
+use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+
+/// Bytes in the peripheral's queue, and so in a frame.
+const QUEUE: usize = 16;
+
+/// Looks at the status before the peripheral is taken for dead: far longer than a frame.
+const PATIENCE: u32 = 20_000;
+
+/// A device with a select line of its own.
+pub struct Spi {
+    registers: Registers,
+    select: Output<'static>,
+}
+
+impl Spi {
+    /// In mode 2 (SCLK idles high, taken on the falling edge) at the kernel's clock
+    /// divided by `divider`. Its pins and its clock are on.
+    pub fn new(registers: Registers, select: Output<'static>, divider: vals::Mbr) -> Self {
+        registers.cr1().write(|w| w.set_ssi(true));
+        registers.cfg1().write(|w| {
+            w.set_dsize(7);
+            w.set_mbr(divider);
+        });
+        registers.cfg2().write(|w| {
+            w.set_master(vals::Master::MASTER);
+            w.set_cpol(vals::Cpol::IDLE_HIGH);
+            w.set_cpha(vals::Cpha::FIRST_EDGE);
+            w.set_ssm(true);
+            // The pins keep their level between frames.
+            w.set_afcntr(true);
+        });
+        Self { registers, select }
+    }
+
+    /// Another clock.
+    pub fn set_divider(&mut self, divider: vals::Mbr) {
+        self.registers.cfg1().modify(|w| w.set_mbr(divider));
+    }
+
+    /// Sends `bytes` and puts what came meanwhile in their place.
+    fn exchange(&mut self, bytes: &mut [u8]) -> Result<(), ErrorKind> {
+        let r = self.registers;
+        if bytes.is_empty() || bytes.len() > QUEUE {
+            return Err(ErrorKind::Other);
+        }
+        r.cr2().write(|w| w.set_tsize(bytes.len() as u16));
+        r.cr1().modify(|w| w.set_spe(true));
+        for byte in &*bytes {
+            r.txdr8().write_value(*byte);
+        }
+        r.cr1().modify(|w| w.set_cstart(true));
+        let ended = (0..PATIENCE).any(|_| r.sr().read().eot());
+        if ended {
+            for byte in bytes {
+                *byte = r.rxdr8().read();
+            }
+        }
+        let status = r.sr().read();
+        r.ifcr().write(|w| {
+            w.set_eotc(true);
+            w.set_txtfc(true);
+            w.set_ovrc(true);
+            w.set_modfc(true);
+        });
+        r.cr1().modify(|w| w.set_spe(false));
+        if ended && !status.ovr() && !status.modf() {
+            Ok(())
+        } else {
+            Err(ErrorKind::Other)
+        }
+    }
+}
+
+impl ErrorType for Spi {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for Spi {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        self.select.set_low();
+        let mut outcome = Ok(());
+        for operation in operations {
+            outcome = outcome.and(match operation {
+                Operation::Read(bytes) | Operation::TransferInPlace(bytes) => self.exchange(bytes),
+                Operation::Write(bytes) => {
+                    let mut queue = [0; QUEUE];
+                    match queue.get_mut(..bytes.len()) {
+                        Some(copy) => {
+                            copy.copy_from_slice(bytes);
+                            self.exchange(copy)
+                        }
+                        None => Err(ErrorKind::Other),
+                    }
+                }
+                // Neither converter's driver asks for one.
+                Operation::Transfer(..) | Operation::DelayNs(_) => Err(ErrorKind::Other),
+            });
+        }
+        self.select.set_high();
+        outcome
+    }
+}

@@ -1,0 +1,43 @@
+//! The reference board's time, from the counted instructions.
+
+use firmware::budget::{Budget, LIMITS, READ};
+use firmware::tables;
+
+/// Of the Cortex-M7, from the kept baseline.
+fn instructions(of: &str) -> f64 {
+    let baseline = include_str!("../instructions.txt");
+    let mut lines = baseline.lines();
+    let line = lines.find_map(|line| line.strip_prefix("mps2-an500 modal ")?.strip_prefix(of));
+    line.unwrap().trim().parse().unwrap()
+}
+
+/// The longest sample is ready before the earliest latch that the board admits, ends
+/// before the next one's interrupt at its highest rate, and does not begin to write
+/// before the board says so.
+#[test]
+fn the_limits_hold_the_longest_sample() {
+    let longest = Budget::new(instructions("longest"));
+    let (begun, ended) = LIMITS.written;
+    assert!(longest.ready() < ended.into(), "{longest:?}");
+    assert!(longest.busy() < 1.0 / f64::from(LIMITS.rate), "{longest:?}");
+    let usual = Budget::new(instructions("sample"));
+    assert!(f64::from(begun) < READ + usual.read, "{usual:?}");
+    println!(
+        "usual {:.1} µs, longest {:.1} µs, ready after {:.1} µs",
+        1e6 * usual.busy(),
+        1e6 * longest.busy(),
+        1e6 * longest.ready()
+    );
+}
+
+/// The board runs its own table, and neither the one with sensors it has no inputs for
+/// nor one that is too fast.
+#[test]
+fn the_board_admits_its_own_table() {
+    let own = tables::NUCLEO_H743.table;
+    assert_eq!(LIMITS.admit(own), Ok(()));
+    assert!(LIMITS.admit(tables::BOTH_SENSORS.table).is_err());
+    let mut fast = *own.get();
+    fast.sample_rate = 60e3;
+    assert!(LIMITS.admit(&fast.validate().unwrap()).is_err());
+}

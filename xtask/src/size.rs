@@ -1,0 +1,100 @@
+//! What the reference board's image takes.
+
+use std::fs;
+
+use object::{Object as _, ObjectSection as _, SectionFlags, elf};
+
+use crate::Outcome;
+use crate::boards;
+use crate::tools::Tools;
+
+/// Where it is kept.
+const BASELINE: &str = "firmware/size.txt";
+
+/// Another compiler may take this part more or less before it is a change.
+const SLACK: f64 = 0.05;
+
+/// A memory of the board.
+struct Memory {
+    name: &'static str,
+    /// Its addresses.
+    start: u64,
+    end: u64,
+}
+
+/// As in firmware/memory/nucleo-h743.x.
+const MEMORIES: [Memory; 4] = [
+    Memory {
+        name: "flash",
+        start: 0x0800_0000,
+        end: 0x080D_0000,
+    },
+    Memory {
+        name: "itcm",
+        start: 0,
+        end: 0x0001_0000,
+    },
+    Memory {
+        name: "dtcm",
+        start: 0x2001_0000,
+        end: 0x2002_0000,
+    },
+    Memory {
+        name: "axi",
+        start: 0x2400_0000,
+        end: 0x2408_0000,
+    },
+];
+
+/// Prints it, and compares it with the baseline or writes that anew.
+pub fn size(tools: &Tools, update: bool) -> Outcome<()> {
+    let image = boards::build_reference(tools)?;
+    let path = image.display();
+    let bytes = fs::read(&image).map_err(|error| format!("{path}: {error}"))?;
+    let file = object::File::parse(&*bytes).map_err(|error| format!("{path}: {error}"))?;
+    let mut used = [0; MEMORIES.len()];
+    for section in file.sections() {
+        let SectionFlags::Elf { sh_flags } = section.flags() else {
+            continue;
+        };
+        if sh_flags & u64::from(elf::SHF_ALLOC) == 0 {
+            continue;
+        }
+        for (memory, used) in MEMORIES.iter().zip(&mut used) {
+            if (memory.start..memory.end).contains(&section.address()) {
+                *used += section.size();
+            }
+        }
+        // What is copied at start waits in flash.
+        let copied = matches!(section.name(), Ok(".data" | ".itcm"));
+        if copied {
+            used[0] += section.size();
+        }
+    }
+    let mut found = String::new();
+    for (Memory { name, start, end }, used) in MEMORIES.iter().zip(used) {
+        println!("  {name:<6} {used:>7} of {:>7} bytes", end - start);
+        found += &format!("{name} {used}\n");
+    }
+    println!("  stack    64 KiB beside; what is never used of it: host-gen link health");
+    if update {
+        return fs::write(BASELINE, found).map_err(|error| format!("{BASELINE}: {error}"));
+    }
+    let kept = fs::read_to_string(BASELINE).map_err(|error| format!("{BASELINE}: {error}"))?;
+    let number = |line: &str| -> Option<(String, f64)> {
+        let (name, bytes) = line.rsplit_once(' ')?;
+        Some((name.to_owned(), bytes.parse().ok()?))
+    };
+    let same = |(found, kept): (&str, &str)| match (number(found), number(kept)) {
+        (Some((a, found)), Some((b, kept))) => a == b && (found / kept - 1.0).abs() <= SLACK,
+        _ => false,
+    };
+    if found.lines().count() == kept.lines().count() && found.lines().zip(kept.lines()).all(same) {
+        Ok(())
+    } else {
+        Err(format!(
+            "not the baseline, {}; if that is meant, cargo xtask size --update",
+            kept.trim().replace('\n', ", ")
+        ))
+    }
+}
