@@ -191,6 +191,9 @@ board.done(3)
 board.until("Idle")
 print("self-test passed")
 board.done(9, varint(2) + varint(5) + varint(200))  # on an injection
+armed = board.report()["at"]
+while board.report()["at"] < armed + 5:  # there must be something from before it
+    time.sleep(0.001)
 legs = b"".join(f32(x) for x in [10.0, 0, 0, 0, 0, 0])
 board.done(8, varint(0) + f32(500.0) + legs + varint(400))  # a sine
 while board.report()["done"] is None:

@@ -65,6 +65,10 @@ static SAMPLES: AtomicU32 = AtomicU32::new(0);
 /// sample.
 static DEADLINE: AtomicU32 = AtomicU32::new(0);
 
+/// Core cycles in a period, and the count at the last interrupt; 0 before the first.
+static PERIOD: AtomicU32 = AtomicU32::new(0);
+static LAST: AtomicU32 = AtomicU32::new(0);
+
 /// Writes in a row that fail before the DAC's reset line takes over.
 const HOPELESS: u32 = 3;
 
@@ -77,8 +81,12 @@ bind_interrupts!(struct Interrupts {
 fn TIM1_CC() {
     let since = period::acknowledge();
     let start = DWT::cycle_count();
+    let last = LAST.swap(start | 1, Ordering::Relaxed);
+    // A whole period went by without an interrupt.
+    let missed = last != 0 && start.wrapping_sub(last) / 3 > PERIOD.load(Ordering::Relaxed) / 2;
     critical_section::with(|cs| {
         if let Some(converters) = &mut *CONVERTERS.borrow_ref_mut(cs) {
+            converters.late |= missed;
             converters.sample();
             let spent = DWT::cycle_count().wrapping_sub(start);
             let end = since * (CORE / TIMER) + spent;
@@ -222,6 +230,8 @@ pub fn run() -> ! {
         {
             let deadline = (latch - budget::SETUP) * CORE as f32;
             DEADLINE.store(deadline as u32, Ordering::Relaxed);
+            PERIOD.store((CORE as f32 / rate) as u32, Ordering::Relaxed);
+            LAST.store(0, Ordering::Relaxed);
             period::start(rate, latch);
             runs = table;
         }

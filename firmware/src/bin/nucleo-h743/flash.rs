@@ -14,6 +14,9 @@ const SECTOR: usize = 128 * 1024;
 /// Of both.
 pub const SIZE: u32 = 2 * SECTOR as u32;
 
+/// What is written, and corrected, at once.
+const WORD: usize = 32;
+
 /// From the start of flash.
 const OFFSET: u32 = 2048 * 1024 - SIZE;
 
@@ -53,26 +56,10 @@ impl ReadNorFlash for Sectors {
             return Err(Failed(Error::Size));
         }
         let start = BASE + (OFFSET + offset) as usize;
-        let bank = FLASH.bank(1);
-        critical_section::with(|_| {
-            // SAFETY: faults of data accesses are ignored from here to the end, and
-            // looked at in the flash's own status; no interrupt comes in between.
-            unsafe {
-                let scb = &*cortex_m::peripheral::SCB::PTR;
-                let ccr = scb.ccr.read();
-                scb.ccr.write(ccr | BFHFNMIGN);
-                core::arch::asm!("cpsid f", "dsb", "isb");
-                for (i, byte) in bytes.iter_mut().enumerate() {
-                    *byte = core::ptr::with_exposed_provenance::<u8>(start + i).read_volatile();
-                    if bank.sr().read().dbeccerr() {
-                        *byte = 0;
-                        bank.ccr().write(|w| w.set_clr_dbeccerr(true));
-                    }
-                }
-                core::arch::asm!("dsb", "cpsie f", "isb");
-                scb.ccr.write(ccr);
-            }
-        });
+        // A little at a time: the loop waits meanwhile.
+        for (i, part) in bytes.chunks_mut(WORD).enumerate() {
+            read_part(start + i * WORD, part);
+        }
         Ok(())
     }
 
@@ -81,12 +68,35 @@ impl ReadNorFlash for Sectors {
     }
 }
 
+fn read_part(start: usize, bytes: &mut [u8]) {
+    let bank = FLASH.bank(1);
+    critical_section::with(|_| {
+        // SAFETY: faults of data accesses are ignored from here to the end, and looked at
+        // in the flash's own status; no interrupt comes in between.
+        unsafe {
+            let scb = &*cortex_m::peripheral::SCB::PTR;
+            let ccr = scb.ccr.read();
+            scb.ccr.write(ccr | BFHFNMIGN);
+            core::arch::asm!("cpsid f", "dsb", "isb");
+            for (i, byte) in bytes.iter_mut().enumerate() {
+                *byte = core::ptr::with_exposed_provenance::<u8>(start + i).read_volatile();
+            }
+            core::arch::asm!("dsb", "cpsie f", "isb");
+            scb.ccr.write(ccr);
+        }
+        if bank.sr().read().dbeccerr() {
+            bytes.fill(0);
+            bank.ccr().write(|w| w.set_clr_dbeccerr(true));
+        }
+    });
+}
+
 /// Of the configuration and control register: data faults are ignored where the mask
 /// of all faults is set.
 const BFHFNMIGN: u32 = 1 << 8;
 
 impl NorFlash for Sectors {
-    const WRITE_SIZE: usize = 32;
+    const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = SECTOR;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Failed> {
