@@ -1,6 +1,7 @@
 //! `cargo xtask`: the whole test, processor in the loop, instruction counts.
 #![forbid(unsafe_code)]
 
+mod baseline;
 mod boards;
 mod size;
 mod tools;
@@ -11,6 +12,7 @@ use std::process::{Command, ExitCode, Stdio};
 
 use clap::{Args, Parser, Subcommand};
 
+use baseline::Baseline;
 use boards::{BOARDS, CHIP};
 use tools::Tools;
 
@@ -207,11 +209,12 @@ fn emulate(tools: &Tools, model: &str, listen: &str) -> Outcome<()> {
     run(&mut command)
 }
 
-/// Where the instruction counts are kept.
-const BASELINE: &str = "firmware/instructions.txt";
-
-/// Another compiler may take this part more or less before it is a change.
-const SLACK: f64 = 0.03;
+/// Instructions of the emulated boards.
+const INSTRUCTIONS: Baseline = Baseline {
+    file: "firmware/instructions.txt",
+    slack: 0.03,
+    update: "bench",
+};
 
 fn bench(tools: &Tools, update: bool) -> Outcome<()> {
     println!("Instructions per call, an empty call taken off; \"law\" from AC-coupled sensors");
@@ -237,34 +240,10 @@ fn bench(tools: &Tools, update: bool) -> Outcome<()> {
         }
     }
     if update {
-        let text = counts.join("\n") + "\n";
-        std::fs::write(BASELINE, &text).map_err(|error| format!("{BASELINE}: {error}"))?;
-        print!("{text}");
-        return Ok(());
+        INSTRUCTIONS.write(&counts)
+    } else {
+        INSTRUCTIONS.compare(&counts)
     }
-    let baseline =
-        std::fs::read_to_string(BASELINE).map_err(|error| format!("{BASELINE}: {error}"))?;
-    let split = |line: &str| -> Option<(String, f64)> {
-        let (name, count) = line.rsplit_once(' ')?;
-        Some((name.to_owned(), count.parse().ok()?))
-    };
-    let mut moved = Vec::new();
-    for (found, kept) in counts.iter().zip(baseline.lines()) {
-        let (Some((name, found)), Some((expected, kept))) = (split(found), split(kept)) else {
-            return Err(format!("not a count: {found:?}, {kept:?}"));
-        };
-        println!("  {name:<24} {found:>5}   baseline {kept:>5}");
-        if name != expected || (found / kept - 1.0).abs() > SLACK {
-            moved.push(name);
-        }
-    }
-    if counts.len() != baseline.lines().count() || !moved.is_empty() {
-        return Err(format!(
-            "not the baseline: {}; if that is meant, cargo xtask bench --update",
-            moved.join(", ")
-        ));
-    }
-    Ok(())
 }
 
 fn speed() -> Outcome<()> {

@@ -5,14 +5,16 @@ use std::fs;
 use object::{Object as _, ObjectSection as _, SectionFlags, elf};
 
 use crate::Outcome;
+use crate::baseline::Baseline;
 use crate::boards;
 use crate::tools::Tools;
 
-/// Where it is kept.
-const BASELINE: &str = "firmware/size.txt";
-
-/// Another compiler may take this part more or less before it is a change.
-const SLACK: f64 = 0.05;
+/// What it took.
+const SIZE: Baseline = Baseline {
+    file: "firmware/size.txt",
+    slack: 0.05,
+    update: "size",
+};
 
 /// A memory of the board.
 struct Memory {
@@ -71,30 +73,14 @@ pub fn size(tools: &Tools, update: bool) -> Outcome<()> {
             used[0] += section.size();
         }
     }
-    let mut found = String::new();
+    let mut found = Vec::new();
     for (Memory { name, start, end }, used) in MEMORIES.iter().zip(used) {
-        println!("  {name:<6} {used:>7} of {:>7} bytes", end - start);
-        found += &format!("{name} {used}\n");
+        found.push(format!("{name} of {} {used}", end - start));
     }
-    println!("  stack    64 KiB beside; what is never used of it: host-gen link health");
+    println!("Bytes; the stack has 64 KiB beside them (host-gen link health tells its use):");
     if update {
-        return fs::write(BASELINE, found).map_err(|error| format!("{BASELINE}: {error}"));
-    }
-    let kept = fs::read_to_string(BASELINE).map_err(|error| format!("{BASELINE}: {error}"))?;
-    let number = |line: &str| -> Option<(String, f64)> {
-        let (name, bytes) = line.rsplit_once(' ')?;
-        Some((name.to_owned(), bytes.parse().ok()?))
-    };
-    let same = |(found, kept): (&str, &str)| match (number(found), number(kept)) {
-        (Some((a, found)), Some((b, kept))) => a == b && (found / kept - 1.0).abs() <= SLACK,
-        _ => false,
-    };
-    if found.lines().count() == kept.lines().count() && found.lines().zip(kept.lines()).all(same) {
-        Ok(())
+        SIZE.write(&found)
     } else {
-        Err(format!(
-            "not the baseline, {}; if that is meant, cargo xtask size --update",
-            kept.trim().replace('\n', ", ")
-        ))
+        SIZE.compare(&found)
     }
 }
