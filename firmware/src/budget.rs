@@ -15,7 +15,7 @@ pub const ADC_CLOCK: f64 = 14e6;
 /// The DAC's bus, Hz.
 pub const DAC_CLOCK: f64 = 28e6;
 
-/// From CONVST to the interrupt, s.
+/// From CONVST to the interrupt, s: the longest conversion and a little.
 pub const READ: f64 = 4.5e-6;
 
 /// From interrupt to handler, s: twelve cycles, and as many for what is under way.

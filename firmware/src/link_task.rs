@@ -69,17 +69,14 @@ impl<F: NorFlash> LinkTask<F> {
     /// Keeps or forgets a table; the one to run from here on.
     fn shelve(&mut self, job: Job) -> Result<(ValidTable, u32, bool), Refusal> {
         let store = self.store.as_mut().ok_or(Refusal::Memory)?;
-        let failed = |Failed| Refusal::Memory;
-        match self.server.table(job, &self.limits)? {
-            Some((table, checksum)) => {
-                store.keep(&table).map_err(failed)?;
-                Ok((table, checksum, true))
-            }
-            None => {
-                store.forget().map_err(failed)?;
-                Ok((*self.entry.table, self.entry.checksum, false))
-            }
-        }
+        let compiled = (*self.entry.table, self.entry.checksum);
+        let next = self.server.table(job, &self.limits, compiled)?;
+        let done = match (job, &next) {
+            (Job::Keep { .. }, (table, ..)) => store.keep(table),
+            (Job::Forget, _) => store.forget(),
+        };
+        done.map_err(|Failed| Refusal::Memory)?;
+        Ok(next)
     }
 
     /// What goes on without being asked: the telemetry to send next, if any, and

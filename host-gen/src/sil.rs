@@ -62,11 +62,8 @@ impl<'a> Sil<'a> {
             Answer::Reply(reply) => reply,
             // Kept as long as this runs.
             Answer::Table(job) => {
-                let sent = self.server.table(job, &Limits::NONE);
-                let outcome = sent.map(|sent| match sent {
-                    Some((table, checksum)) => (table, checksum, true),
-                    None => (self.table, self.table.checksum(), false),
-                });
+                let compiled = (self.table, self.table.checksum());
+                let outcome = self.server.table(job, &Limits::NONE, compiled);
                 self.server.run(outcome, controller)
             }
         };

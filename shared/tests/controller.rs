@@ -510,11 +510,8 @@ fn answer(
         .map(|incoming| match server.answer(incoming, controller) {
             Answer::Reply(reply) => reply,
             Answer::Table(job) => {
-                let compiled = plain();
-                let outcome = server.table(job, &Limits::NONE).map(|sent| match sent {
-                    Some((table, checksum)) => (table, checksum, true),
-                    None => (compiled, compiled.checksum(), false),
-                });
+                let compiled = (plain(), plain().checksum());
+                let outcome = server.table(job, &Limits::NONE, compiled);
                 server.run(outcome, controller)
             }
         })

@@ -367,7 +367,8 @@ pub struct Supervision {
     /// A sensor this long at one code is a fault, s; 0 to leave it out. If not
     /// given, 0.1, or 0 where sensor and ADC are too quiet for that.
     pub stuck: Option<f64>,
-    /// One code this far from those before and after it is a spike, codes; 0 to leave it out. If not given, twenty times the noise and at least 48.
+    /// One code this far from those before and after it is a spike, codes; 0 to leave
+    /// it out. If not given, twenty times the noise and at least 48.
     pub spike: Option<u16>,
     /// So many spikes within a second are a fault.
     pub spikes: u32,

@@ -79,18 +79,24 @@ impl Server {
         Answer::Reply(self.packet(sequence, outcome))
     }
 
-    /// The table of a job, with its checksum, for a board with these `limits`; none if
-    /// it is to be forgotten.
+    /// The table to run after a job, with its checksum and whether it was sent, for a
+    /// board with these `limits`; `compiled` is the one that a board goes back to, with
+    /// its checksum.
     ///
     /// # Errors
     /// Where what came is no table that runs there.
-    pub fn table(&self, job: Job, limits: &Limits) -> Result<Option<(ValidTable, u32)>, Refusal> {
+    pub fn table(
+        &self,
+        job: Job,
+        limits: &Limits,
+        compiled: (ValidTable, u32),
+    ) -> Result<(ValidTable, u32, bool), Refusal> {
         match job {
             Job::Keep { length, checksum } => {
                 let table = self.upload.table(length, checksum, limits)?;
-                Ok(Some((table, checksum)))
+                Ok((table, checksum, true))
             }
-            Job::Forget => Ok(None),
+            Job::Forget => Ok((compiled.0, compiled.1, false)),
         }
     }
 

@@ -4,8 +4,9 @@
 //! move the plant.
 //!
 //! With `--listen` no session runs: the plant moves the board for ever, and the board's
-//! link is on TCP for whoever comes. Otherwise a whole session: identity, self-test, injection, recording, soft start, closed
-//! loop with shocks, a fault, safe state, snapshot, clearing, restart.
+//! link is on TCP for whoever comes. Otherwise a whole session: identity,
+//! self-test, injection, recording, soft start, closed loop with shocks, a fault, safe
+//! state, snapshot, clearing, restart, another table.
 
 #![forbid(unsafe_code)]
 

@@ -21,7 +21,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, Peripherals};
 
 /// Of the core, Hz.
-pub const CORE: u32 = 480_000_000;
+pub const CORE: u32 = firmware::budget::CORE as u32;
 
 /// Of TIM1, Hz.
 pub const TIMER: u32 = 240_000_000;

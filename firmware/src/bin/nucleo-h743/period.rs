@@ -14,10 +14,9 @@
 use embassy_stm32::pac::timer::{regs, vals};
 use embassy_stm32::pac::{RCC, TIM1};
 
-use crate::clocks::TIMER;
+use firmware::budget::READ;
 
-/// From CONVST to the interrupt, s: the longest conversion and a little.
-pub const READ: f32 = 4.5e-6;
+use crate::clocks::TIMER;
 
 /// CONVST and LDAC, s; both converters want 25 ns at the most.
 const PULSE: f32 = 1e-6;
@@ -48,7 +47,7 @@ pub fn start(rate: f32, latch: f32) {
     t.arr().write(|w| w.set_arr((period - 1) as u16));
     t.psc().write_value(prescaler as u16);
     t.ccr(0).write(|w| w.set_ccr(at(PULSE)));
-    t.ccr(1).write(|w| w.set_ccr(at(READ)));
+    t.ccr(1).write(|w| w.set_ccr(at(READ as f32)));
     let latch = (counts(latch) / (prescaler + 1)) % period;
     let end = (latch + u32::from(at(PULSE))).min(period - 1);
     t.ccr(2).write(|w| w.set_ccr(latch as u16));
