@@ -10,7 +10,8 @@ use crate::law::LinearLaw;
 use crate::linear::{eigenvalues, largest_singular_value};
 use crate::plant::{Control, Gain, Plant, SampledPlant, pole_peaks};
 
-type Six = Matrix6<Complex<f64>>;
+/// Six by six, complex.
+pub type Six = Matrix6<Complex<f64>>;
 
 /// σ = C(jω)·y of the unsampled law, Eqs. (21) and (22).
 pub fn ideal_response(gains: &Gains, hz: f64) -> Control {
@@ -307,6 +308,17 @@ impl SampledLoop<'_> {
         poles: &[Complex<f64>],
     ) -> PeakSensitivity {
         LoopGrid::new(self.plant, modal, low, &pole_peaks(poles)).peak(self.plant, &self.law)
+    }
+
+    /// The loop gain L by Hz, opened at the forces along the modes of `modal`, S of
+    /// Eq. (17); the sensitivity is (1 + L)⁻¹.
+    pub fn modal_loop(&self, modal: &Matrix6<f64>) -> impl Fn(f64) -> Six {
+        let to_modes = modal.transpose().map(Complex::from);
+        let from_modes = to_modes.try_inverse().expect("modes are independent");
+        move |hz| {
+            let law = self.law.response(self.plant.z(hz));
+            to_modes * -(law * self.plant.response(hz).g22()) * from_modes
+        }
     }
 
     /// Floor accelerations to `rows` of the plant's outputs at `hz`.

@@ -26,7 +26,9 @@
 //! | [`frf`] | a session with a board | transfer functions measured in place, beside the model's |
 //! | [`campaign`] | a study, a table | what becomes of faults in the loop |
 //! | [`study`] | a machine | all of these up to the plant |
+//! | [`history`] | a study, a table | a session in time |
 //! | [`output`] | results | text and JSON |
+//! | [`report`] | all of these | a page, pictures, tables of numbers |
 //!
 //! Equation numbers are those of J. van Dijk, "Mechatronic Design of
 //! Hard-Mount Concepts for Precision Equipment". SI units; frequencies in Hz
@@ -39,6 +41,7 @@ pub mod design;
 pub mod energy;
 pub mod export;
 pub mod frf;
+pub mod history;
 pub mod law;
 pub mod linear;
 pub mod link;
@@ -47,6 +50,7 @@ pub mod margins;
 pub mod multibody;
 pub mod output;
 pub mod plant;
+pub mod report;
 pub mod robustness;
 pub mod rounding;
 pub mod shape;

@@ -11,24 +11,26 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use command::link::LinkArguments;
+use command::report::ReportArguments;
 use command::sil::SilArguments;
 use host_gen::campaign::Defect;
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::frf::FrfError;
 use host_gen::link::LinkError;
 use host_gen::machine::{Machine, MachineError};
-use host_gen::output::analysis::{
-    Compared, Frequencies, PlantMatrices, Poles, Zeros, both_kinds, by_feedback,
-};
+use host_gen::output::analysis::{Compared, Frequencies, PlantMatrices, Poles, Zeros, both_kinds};
 use host_gen::output::design::Designed;
+use host_gen::output::floor::Floors;
 use host_gen::output::{self, Gains, Generated, Modes, Simulated};
+use host_gen::report::plots::PlotError;
 use host_gen::robustness::monte_carlo;
 use host_gen::shaping::{Effort, Shaped, ShapingError};
 use host_gen::simulation::{Comparison, compare};
-use host_gen::spectrum::{Criterion, Floor};
-use host_gen::study::{Study, StudyError};
+use host_gen::spectrum::{Criterion, Floor, both_budgets};
+use host_gen::study::{Looped, Study, StudyError};
 use host_gen::table::emit;
 use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
 use serde::Serialize;
 use shared::table::ValidTable;
 
@@ -89,6 +91,11 @@ enum Command {
     ///
     /// Example: host-gen generate models/metrology-frame.toml
     Generate(WithTable),
+    /// A page for a design review: the machine in 3D, its modes moving, all charts,
+    /// budgets, gains, assumptions. Of several machines also what differs.
+    ///
+    /// Example: host-gen report models/metrology-frame.toml
+    Report(ReportArguments),
     /// Whether a table is what the machine file gives.
     ///
     /// Example: host-gen check models/metrology-frame.toml
@@ -279,6 +286,8 @@ enum Failure {
     Unsafe,
     #[error("a fault is latched: {0}")]
     Fault(String),
+    #[error(transparent)]
+    Plot(#[from] PlotError),
     #[error("--to must be finite and above --from")]
     Range,
     #[error("--{0} must be positive and finite")]
@@ -320,21 +329,36 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Floor(arguments) => floor(arguments),
         Command::Plant(arguments) => plant(arguments),
         Command::Compare(arguments) => {
-            let machines = arguments.models.iter().map(|model| Machine::load(model));
-            let mut machines = machines.collect::<Result<Vec<_>, _>>()?;
-            if arguments.by_feedback {
-                machines = machines.iter().flat_map(by_feedback).collect();
-            }
-            print(arguments.format, &Compared::new(machines)?)
+            let machines = machines(&arguments.models, arguments.by_feedback)?;
+            let bar = search_bar();
+            let looped = machines.into_par_iter().map(|machine| {
+                let study = Study::new(machine)?;
+                Ok::<_, MachineError>(Looped::new(study, &|| bar.inc(1)))
+            });
+            let looped = looped.collect::<Result<Vec<_>, _>>();
+            bar.finish_and_clear();
+            print(arguments.format, &Compared::new(&looped?)?)
         }
         Command::Design(arguments) => design(arguments),
         Command::Generate(arguments) => generate(arguments),
+        Command::Report(arguments) => command::report::report(arguments),
         Command::Check(arguments) => check(arguments),
         Command::Simulate(arguments) => simulate(arguments),
         Command::Campaign(arguments) => campaign(arguments),
         Command::Sil(arguments) => command::sil::sil(arguments),
         Command::Link(arguments) => command::link::link(arguments),
     }
+}
+
+/// The machines of some files; with `by_feedback` each once with every feedback.
+fn machines(models: &[PathBuf], by_feedback: bool) -> Result<Vec<Machine>, MachineError> {
+    let machines = models.iter().map(|model| Machine::load(model));
+    let machines = machines.collect::<Result<Vec<_>, _>>()?;
+    Ok(if by_feedback {
+        machines.iter().flat_map(Machine::by_feedback).collect()
+    } else {
+        machines
+    })
 }
 
 fn study(model: &Path) -> Result<Study, Failure> {
@@ -372,8 +396,11 @@ fn sigma(arguments: &Sigma) -> Result<(), Failure> {
         Frequencies::At(arguments.at.clone())
     };
     let machine = Machine::load(model)?;
-    let sigma = output::analysis::Sigma::new(&machine, frequencies);
-    print(*format, &sigma.map_err(in_study(model))?)
+    let bar = search_bar();
+    let looped = Looped::by_feedback(&machine, &|| bar.inc(1));
+    bar.finish_and_clear();
+    let sigma = output::analysis::Sigma::new(&machine, &looped?, frequencies);
+    print(*format, &sigma.map_err(in_loop(model))?)
 }
 
 fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
@@ -426,8 +453,10 @@ fn floor(arguments: &FloorArguments) -> Result<(), Failure> {
     };
     let study = study(model)?;
     let (table, _) = table(model, &study)?;
-    let report = output::floor::Floors::new(&study, &table, &floor, name, band);
-    print(*format, &report.map_err(in_loop(model))?)
+    let board = &study.machine.board;
+    let budgets = both_budgets(&study.plant, board, &table, &floor, band);
+    let [open, closed] = budgets.map_err(in_loop(model))?;
+    print(*format, &Floors::new(&study, name, band, open, closed))
 }
 
 fn band(from: f64, to: f64) -> Result<[f64; 2], Failure> {
@@ -529,10 +558,10 @@ fn plant(arguments: &PlantArguments) -> Result<(), Failure> {
         })?;
         for study in both_kinds(&machine)? {
             let Generalised { a, b, c, d } = Generalised::new(&study.plant.plant);
-            let kind = output::feedback_name(study.design.feedback);
+            let kind = study.design.feedback.name();
             for (name, matrix) in [("A", a), ("B", b), ("C", c), ("D", d)] {
                 let path = folder.join(format!("{kind}-{name}.mtx"));
-                write_whole(&path, &matrix_market(&matrix))?;
+                write_whole(&path, matrix_market(&matrix).as_bytes())?;
             }
         }
     }
@@ -545,7 +574,7 @@ fn generate(arguments: &WithTable) -> Result<(), Failure> {
     let path = table_path(arguments, &study.machine)?;
     let (table, shaped) = table(model, &study)?;
     let simulation = simulation(&study, &table);
-    write_whole(&path, &emit(&study.machine, &table))?;
+    write_whole(&path, emit(&study.machine, &table).as_bytes())?;
     let report = Generated::new(&study, shaped, path.display().to_string(), simulation);
     print(arguments.common.format, &report)
 }
@@ -671,7 +700,7 @@ fn table_path(arguments: &WithTable, machine: &Machine) -> Result<PathBuf, Failu
 }
 
 /// Writes beside the target and renames, so that there is never half a file.
-fn write_whole(path: &Path, text: &str) -> Result<(), Failure> {
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let failed = |error| Failure::Io {
         path: path.display().to_string(),
         what: "written",
@@ -686,7 +715,7 @@ fn write_whole(path: &Path, text: &str) -> Result<(), Failure> {
     #[cfg(unix)]
     file.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
     let mut file = file.tempfile_in(folder).map_err(failed)?;
-    file.write_all(text.as_bytes()).map_err(failed)?;
+    file.write_all(bytes).map_err(failed)?;
     file.persist(path).map_err(|error| failed(error.error))?;
     Ok(())
 }

@@ -76,19 +76,15 @@ pub fn margins(
     bound: f64,
     peaks: &[(f64, f64)],
 ) -> Margins {
-    let to_modes = design.modal.transpose().map(Complex::from);
-    let from_modes = to_modes.try_inverse().expect("modes are independent");
-    let plant = closed.plant;
-    let top = 0.5 / plant.period;
+    let modal_loop = closed.modal_loop(&design.modal);
+    let top = 0.5 / closed.plant.period;
     let points = grid(SLOWEST, top, 3000, peaks);
     let mut single = [0.0_f64; LEGS];
     let mut together = 0.0_f64;
     let mut logarithms = Vec::with_capacity(points.len());
     let half = Matrix6::from_diagonal_element(Complex::from(0.5));
     for &hz in &points {
-        let law = closed.law.response(plant.z(hz));
-        let through = to_modes * (law * plant.response(hz).g22()) * from_modes;
-        let difference = Matrix6::identity() - through;
+        let difference = Matrix6::identity() + modal_loop(hz);
         let Some(sensitivity) = difference.try_inverse() else {
             logarithms.push(f64::INFINITY);
             together = f64::INFINITY;

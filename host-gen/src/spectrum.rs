@@ -147,6 +147,21 @@ pub struct Budget {
     pub stroke: Spectra,
 }
 
+/// Without control and under `table`, in this order.
+///
+/// # Errors
+/// As [`budget`].
+pub fn both_budgets(
+    plant: &SampledPlant,
+    board: &Board,
+    table: &ValidTable,
+    floor: &Floor,
+    band: [f64; 2],
+) -> Result<[Budget; 2], ShapingError> {
+    let of = |table| budget(plant, board, table, floor, band);
+    Ok([of(None)?, of(Some(table))?])
+}
+
 /// Power densities on the given floor from `low` to `high` Hz; under `table`, or
 /// without one with the outputs held.
 ///

@@ -5,6 +5,7 @@ use crate::machine::{Machine, MachineError};
 use crate::multibody::Multibody;
 use crate::plant::{Plant, SampledPlant};
 use crate::shaping::{Effort, Shaped, ShapingError, choose};
+use rayon::prelude::*;
 use shared::table::ValidTable;
 
 /// Why a study, or what is done with its loop, comes to nothing.
@@ -16,6 +17,41 @@ pub enum StudyError {
     /// The loop.
     #[error(transparent)]
     Loop(#[from] ShapingError),
+}
+
+/// A study and the loop that is closed on it.
+#[derive(Clone, Debug)]
+pub struct Looped {
+    /// The study.
+    pub study: Study,
+    /// Its table and shaping, or why there is none.
+    pub sampled: Result<(ValidTable, Shaped), String>,
+}
+
+impl Looped {
+    /// Searches for the table; `progress` is called after every trial.
+    pub fn new(study: Study, progress: &dyn Fn()) -> Self {
+        let table = study.table_with(Effort::Full, progress);
+        Self {
+            sampled: table.map_err(|error| error.to_string()),
+            study,
+        }
+    }
+
+    /// A machine once with each kind of feedback that it has sensors for and with
+    /// both at once, as [`Machine::by_feedback`].
+    ///
+    /// # Errors
+    /// As [`Study::new`].
+    pub fn by_feedback(
+        machine: &Machine,
+        progress: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Self>, MachineError> {
+        let machines = machine.by_feedback().into_par_iter();
+        machines
+            .map(|machine| Ok(Self::new(Study::new(machine)?, progress)))
+            .collect()
+    }
 }
 
 /// A machine with its model, its design for the target, and its plant.

@@ -15,7 +15,7 @@ use host_gen::machine::Feedback;
 use host_gen::machine::Machine;
 use host_gen::output::analysis::{Frequencies, Sigma, both_kinds};
 use host_gen::statics::buckling_load;
-use host_gen::study::Study;
+use host_gen::study::{Looped, Study};
 use host_gen::zeros::{grow, transmission_zeros};
 use nalgebra::{Complex, DMatrix};
 
@@ -278,13 +278,17 @@ fn dampers_along_legs() {
     assert!(study.table().is_ok());
 }
 
+fn looped(study: &Study) -> Vec<Looped> {
+    Looped::by_feedback(&study.machine, &|| {}).unwrap()
+}
+
 /// Singular values from the exported state space against those of the curves.
 #[test]
 fn sigma_from_the_exported_matrices() {
     let study = frame();
     let Generalised { a, b, c, d } = Generalised::new(&study.plant.plant);
     assert_eq!((c.shape(), d.shape()), ((12, 24), (12, 12)));
-    let sigma = Sigma::new(&study.machine, adaptive(0.5, 200.0, 100)).unwrap();
+    let sigma = Sigma::new(&study.machine, &looped(&study), adaptive(0.5, 200.0, 100)).unwrap();
     let json = serde_json::to_value(&sigma).unwrap();
     let hz: Vec<f64> = serde_json::from_value(json["hz"].clone()).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
@@ -308,8 +312,8 @@ fn sigma_from_the_exported_matrices() {
 fn no_peak_is_missed() {
     let study = frame();
     let plant = &study.plant.plant;
-    let json = serde_json::to_value(Sigma::new(&study.machine, adaptive(5.0, 200.0, 50)).unwrap())
-        .unwrap();
+    let sigma = Sigma::new(&study.machine, &looped(&study), adaptive(5.0, 200.0, 50)).unwrap();
+    let json = serde_json::to_value(sigma).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
     let highest = open.iter().copied().fold(0.0, f64::max);
     let mut fine: f64 = 0.0;

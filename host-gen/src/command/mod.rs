@@ -1,4 +1,5 @@
-//! Commands that talk to a board.
+//! Commands with a file of their own.
 
 pub mod link;
+pub mod report;
 pub mod sil;

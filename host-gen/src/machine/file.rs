@@ -275,6 +275,17 @@ pub enum Feedback {
     Both,
 }
 
+impl Feedback {
+    /// `"acceleration"`, `"force"` or `"both"`, as in the file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Acceleration => "acceleration",
+            Self::Force => "force",
+            Self::Both => "both",
+        }
+    }
+}
+
 /// `[board]`
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]

@@ -67,7 +67,9 @@ pub struct Machine {
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description, comments and layout left out.
     pub digest: ModelDigest,
-    source: Source,
+    /// The description as the files give it, merged.
+    pub(crate) description: toml::Table,
+    pub(crate) source: Source,
 }
 
 /// A named point.
@@ -311,9 +313,27 @@ impl Machine {
         };
         let mut machine = self.clone();
         machine.target.feedback = feedback;
+        let control = machine.description.get_mut("control");
+        if let Some(toml::Value::Table(control)) = control {
+            control.insert("feedback".to_owned(), feedback.name().into());
+        }
         machine.board.sensor = sensor;
         machine.board.beside = beside;
         Some(machine)
+    }
+
+    /// The same machine once with each kind of feedback that it has sensors for,
+    /// and with both at once.
+    pub fn by_feedback(&self) -> Vec<Self> {
+        let mut machines = Vec::new();
+        for feedback in [Feedback::Acceleration, Feedback::Force, Feedback::Both] {
+            // Both kinds meet in the modes only.
+            if feedback == Feedback::Both && self.target.law == LawName::Direct {
+                continue;
+            }
+            machines.extend(self.with_feedback(feedback));
+        }
+        machines
     }
 
     /// Machine `index` of those drawn about this one: payload heavier or lighter
@@ -357,6 +377,12 @@ impl Machine {
             self.beams[deformation.beam].name,
             deformation.component + 1
         )
+    }
+
+    /// The files it was read from and their texts: the one asked for, then what
+    /// that is based on.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
+        self.source.files()
     }
 
     /// What the sensors that `feedback` takes are called, in channel order.

@@ -59,6 +59,12 @@ impl Source {
         Ok((source, merged))
     }
 
+    /// The files and their texts, the one asked for first.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
+        let parts = self.parts.iter();
+        parts.map(|part| (&*part.file, &*part.text))
+    }
+
     fn add(&mut self, path: &Path, text: &str) -> Result<Table, MachineError> {
         let table = text
             .parse()

@@ -180,6 +180,7 @@ pub(super) fn machine(
         robustness,
         provenance: file.provenance,
         digest,
+        description: table.clone(),
         source: source.clone(),
     })
 }

@@ -9,18 +9,18 @@ use serde::Serialize;
 use shared::LEGS;
 use shared::table::ValidTable;
 
-use super::{Pole, Rows, digest, feedback_name, rows};
+use super::{Pole, Rows, digest, rows};
 use crate::closed_loop::{SampledLoop, close_ideal, grid, stable};
 use crate::design::ideal_poles;
 use crate::energy::{Kind, energies};
 use crate::export::Generalised;
 use crate::law::LinearLaw;
 use crate::linear::largest_singular_value;
-use crate::machine::{Feedback, LawName, Machine, MachineError};
+use crate::machine::{Feedback, Machine, MachineError};
 use crate::plant::pole_peaks;
 use crate::robustness::{Robust, Spread};
 use crate::shaping::{Band, Shaped, ShapingError};
-use crate::study::{Study, StudyError};
+use crate::study::{Looped, Study};
 use crate::zeros::{grow, transmission_zeros};
 
 /// The two kinds of feedback, those that a machine has sensors for, each with
@@ -29,20 +29,6 @@ pub fn both_kinds(machine: &Machine) -> Result<Vec<Study>, MachineError> {
     let kinds = [Feedback::Acceleration, Feedback::Force];
     let machines = kinds.map(|feedback| machine.with_feedback(feedback));
     machines.into_iter().flatten().map(Study::new).collect()
-}
-
-/// A machine once with each kind of feedback that it has sensors for, and with
-/// both at once.
-pub fn by_feedback(machine: &Machine) -> Vec<Machine> {
-    let mut machines = Vec::new();
-    for feedback in [Feedback::Acceleration, Feedback::Force, Feedback::Both] {
-        // Both kinds meet in the modes only.
-        if feedback == Feedback::Both && machine.target.law == LawName::Direct {
-            continue;
-        }
-        machines.extend(machine.with_feedback(feedback));
-    }
-    machines
 }
 
 /// `host-gen zeros`.
@@ -93,7 +79,7 @@ impl ZerosOfKind {
         let poles = ideal_poles(plant, &study.gains).unwrap_or_default();
         let unstable = grow(&zeros);
         Self {
-            feedback: feedback_name(feedback),
+            feedback: feedback.name(),
             zeros: zeros
                 .into_iter()
                 // One of each conjugate pair.
@@ -187,7 +173,7 @@ impl Poles {
         Ok(Self {
             machine: study.machine.name.clone(),
             model_sha256: digest(&study.machine),
-            feedback: feedback_name(study.design.feedback),
+            feedback: study.design.feedback.name(),
             open: list(&plant.poles.iter().map(|p| p.lambda).collect::<Vec<_>>()),
             ideal: list(&ideal),
             stable: stable(&sampled),
@@ -230,17 +216,17 @@ impl Display for Poles {
 pub struct Sigma {
     machine: String,
     model_sha256: String,
-    hz: Vec<f64>,
-    curves: Vec<Curve>,
+    pub(crate) hz: Vec<f64>,
+    pub(crate) curves: Vec<Curve>,
     /// Loops that are not among the curves, and why.
-    missing: Vec<String>,
+    pub(crate) missing: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
-struct Curve {
-    name: String,
+pub(crate) struct Curve {
+    pub(crate) name: String,
     /// The largest singular value of G11 at every `hz`.
-    sigma_max: Vec<f64>,
+    pub(crate) sigma_max: Vec<f64>,
 }
 
 /// Where to evaluate singular values.
@@ -262,41 +248,42 @@ pub enum Frequencies {
 }
 
 impl Sigma {
-    /// σ_max(G11) at `frequencies`.
+    /// σ_max(G11) at `frequencies` of the loops of one machine, the first of
+    /// them also open.
     ///
     /// # Errors
-    /// As [`Study::new`], or where an eigenvalue iteration does not end.
-    pub fn new(machine: &Machine, frequencies: Frequencies) -> Result<Self, StudyError> {
-        let studies = by_feedback(machine)
-            .into_iter()
-            .map(Study::new)
-            .collect::<Result<Vec<_>, _>>()?;
+    /// Where an eigenvalue iteration does not end.
+    pub fn new(
+        machine: &Machine,
+        looped: &[Looped],
+        frequencies: Frequencies,
+    ) -> Result<Self, ShapingError> {
         let mut missing = Vec::new();
         let mut peaks = Vec::new();
         let mut loops = Vec::new();
-        for study in &studies {
+        for Looped { study, sampled } in looped {
             let plant = &study.plant.plant;
             peaks.extend(plant.peaks());
             let ideal =
                 ideal_poles(&plant.state_space, &study.gains).ok_or(ShapingError::Eigenvalues)?;
             peaks.extend(pole_peaks(&ideal));
-            let name = feedback_name(study.design.feedback);
+            let name = study.design.feedback.name();
             // That of both kinds is the accelerations'.
             let own = study.design.feedback != Feedback::Both;
             let ideal_holds = own && stable(&ideal);
             if own && !ideal_holds {
                 missing.push(format!("{name}, ideal: that loop is unstable"));
             }
-            let sampled = match study.table() {
+            let sampled = match sampled {
                 Ok((table, _)) => {
-                    let law = LinearLaw::new(&table);
+                    let law = LinearLaw::new(table);
                     let plant = &study.plant;
                     let closed = SampledLoop { plant, law };
                     peaks.extend(pole_peaks(&closed.poles().unwrap_or_default()));
                     Some(closed)
                 }
-                Err(error) => {
-                    missing.push(format!("{name}, sampled: {error}"));
+                Err(reason) => {
+                    missing.push(format!("{name}, sampled: {reason}"));
                     None
                 }
             };
@@ -319,7 +306,7 @@ impl Sigma {
                     largest_singular_value(&plant.response(hz).from_floor(rows.clone()))
                 }));
             }
-            let name = feedback_name(study.design.feedback);
+            let name = study.design.feedback.name();
             if *ideal_holds {
                 curves.push(curve(format!("{name}, ideal"), &|hz| {
                     largest_singular_value(&close_ideal(plant, &study.gains, hz, rows.clone()))
@@ -505,7 +492,7 @@ impl PlantMatrices {
                 let mut outputs = machine.performance_names();
                 outputs.extend(machine.sensor_names(study.design.feedback));
                 PlantOfKind {
-                    feedback: feedback_name(study.design.feedback),
+                    feedback: study.design.feedback.name(),
                     outputs,
                     a: rows(&g.a),
                     b: rows(&g.b),
@@ -578,7 +565,7 @@ impl Compared {
     ///
     /// # Errors
     /// As [`Study::new`].
-    pub fn new(machines: Vec<Machine>) -> Result<Self, MachineError> {
+    pub fn new<'a>(machines: impl IntoIterator<Item = &'a Looped>) -> Result<Self, MachineError> {
         let machines = machines
             .into_iter()
             .map(Column::new)
@@ -588,8 +575,8 @@ impl Compared {
 }
 
 impl Column {
-    fn new(machine: Machine) -> Result<Self, MachineError> {
-        let kinds = both_kinds(&machine)?;
+    fn new(Looped { study, sampled }: &Looped) -> Result<Self, MachineError> {
+        let kinds = both_kinds(&study.machine)?;
         let zeros = |feedback| {
             let study = kinds.iter().find(|study| study.design.feedback == feedback);
             let zeros = study
@@ -598,7 +585,6 @@ impl Column {
             let upper = zeros.into_iter().filter(|s| s.im >= 0.0);
             upper.map(|s| Pole::from(s).hz).collect()
         };
-        let study = Study::new(machine)?;
         let modes = study.model.modes();
         let energies = energies(&study.machine, &study.model, &modes);
         let of = |kind| {
@@ -609,14 +595,14 @@ impl Column {
         Ok(Self {
             machine: study.machine.name.clone(),
             model_sha256: digest(&study.machine),
-            feedback: feedback_name(study.design.feedback),
+            feedback: study.design.feedback.name(),
             suspension_hz: of(Kind::Suspension),
             internal_hz: of(Kind::Internal),
             rigid_modes_hz: study.design.hertz(),
             acceleration_zeros_hz: zeros(Feedback::Acceleration),
             force_zeros_hz: zeros(Feedback::Force),
             largest_gain: study.gains.proportional.amax(),
-            shaped: study.table().ok().map(|(_, shaped)| shaped),
+            shaped: sampled.as_ref().ok().map(|(_, shaped)| shaped.clone()),
         })
     }
 }

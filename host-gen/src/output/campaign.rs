@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::Serialize;
 
-use super::{digest, feedback_name};
+use super::digest;
 use crate::campaign::{Defect, Outcome};
 use crate::link::cause;
 use crate::study::Study;
@@ -26,7 +26,7 @@ impl Campaign {
         Self {
             machine: study.machine.name.clone(),
             model_sha256: digest(&study.machine),
-            feedback: feedback_name(study.design.feedback),
+            feedback: study.design.feedback.name(),
             bound: study.machine.supervision.safe_ramp,
             outcomes,
         }

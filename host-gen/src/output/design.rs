@@ -8,7 +8,7 @@ use serde::Serialize;
 use shared::LEGS;
 use shared::table::ValidTable;
 
-use super::{digest, feedback_name, write_shaped};
+use super::{digest, write_shaped};
 use crate::closed_loop::{SampledLoop, close_ideal, corner, grid, stable};
 use crate::design::ideal_poles;
 use crate::law::LinearLaw;
@@ -141,7 +141,7 @@ impl Designed {
         Ok(Self {
             machine: machine.name.clone(),
             model_sha256: digest(machine),
-            feedback: feedback_name(study.design.feedback),
+            feedback: study.design.feedback.name(),
             isolation_at_hz: AT,
             modes,
             margins,

@@ -3,11 +3,9 @@
 use std::fmt::{self, Display, Formatter};
 
 use serde::Serialize;
-use shared::table::ValidTable;
 
-use super::{digest, feedback_name};
-use crate::shaping::ShapingError;
-use crate::spectrum::{Budget, Criterion, Floor, Powers, SOURCES, budget};
+use super::digest;
+use crate::spectrum::{Budget, Criterion, Powers, SOURCES};
 use crate::study::Study;
 
 /// What a floor and the board's noise come to, with and without control.
@@ -122,34 +120,32 @@ impl Side {
 }
 
 impl Floors {
-    /// Of a study on `floor`, which is called `name`; under `table`, and with
-    /// the outputs held.
-    ///
-    /// # Errors
-    /// Where the eigenvalue iteration does not end.
-    pub fn new(
-        study: &Study,
-        table: &ValidTable,
-        floor: &Floor,
-        name: String,
-        band: [f64; 2],
-    ) -> Result<Self, ShapingError> {
-        let side = |table| {
-            let board = &study.machine.board;
-            let budget = budget(&study.plant, board, table, floor, band)?;
-            Ok::<_, ShapingError>(Side::new(study, budget, band))
-        };
-        Ok(Self {
+    /// Of a study on the floor `name`: without control and with it, from `band`'s
+    /// one end to the other.
+    pub fn new(study: &Study, name: String, band: [f64; 2], open: Budget, closed: Budget) -> Self {
+        Self {
             machine: study.machine.name.clone(),
             model_sha256: digest(&study.machine),
-            feedback: feedback_name(study.design.feedback),
+            feedback: study.design.feedback.name(),
             floor: name,
             low_hz: band[0],
             high_hz: band[1],
             sources: SOURCES,
-            open: side(None)?,
-            closed: side(Some(table))?,
-        })
+            open: Side::new(study, open, band),
+            closed: Side::new(study, closed, band),
+        }
+    }
+}
+
+impl Floors {
+    /// The same with the lists over frequency empty.
+    pub(crate) fn without_spectra(mut self) -> Self {
+        for side in [&mut self.open, &mut self.closed] {
+            side.hz.clear();
+            side.performance.clear();
+            side.frame_velocity.clear();
+        }
+        self
     }
 }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::design::ideal_poles;
 use crate::energy::{Energies, Kind, energies};
-use crate::machine::{Certainty, Feedback, Machine};
+use crate::machine::{Certainty, Feedback, Machine, Provenance};
 use crate::multibody::reach;
 use crate::plant::{Plant, StateSpace};
 use crate::shape::Shape;
@@ -284,7 +284,7 @@ impl Gains {
         Self {
             machine: machine.name.clone(),
             model_sha256: digest(machine),
-            feedback: feedback_name(design.feedback),
+            feedback: design.feedback.name(),
             frequency_hz: machine.target.frequency,
             damping: machine.target.damping,
             // The gains of both kinds are the accelerations'.
@@ -527,11 +527,27 @@ pub struct Generated {
     warnings: Vec<String>,
 }
 
+/// What numbers rest on.
 #[derive(Debug, Serialize)]
-struct Statement {
+pub(crate) struct Statement {
     kind: &'static str,
     entries: Vec<String>,
     from: String,
+}
+
+impl Statement {
+    /// As the machine's file has it.
+    pub(crate) fn new(provenance: &Provenance) -> Self {
+        Self {
+            kind: match provenance.kind {
+                Certainty::Published => "published",
+                Certainty::Reconstructed => "reconstructed",
+                Certainty::Assumed => "assumed",
+            },
+            entries: provenance.entries.clone(),
+            from: provenance.from.clone(),
+        }
+    }
 }
 
 impl Generated {
@@ -550,18 +566,8 @@ impl Generated {
             not_published: machine
                 .provenance
                 .iter()
-                .filter_map(|p| {
-                    let kind = match p.kind {
-                        Certainty::Published => return None,
-                        Certainty::Reconstructed => "reconstructed",
-                        Certainty::Assumed => "assumed",
-                    };
-                    Some(Statement {
-                        kind,
-                        entries: p.entries.clone(),
-                        from: p.from.clone(),
-                    })
-                })
+                .filter(|p| p.kind != Certainty::Published)
+                .map(Statement::new)
                 .collect(),
         }
     }
@@ -596,7 +602,7 @@ impl Display for Generated {
 }
 
 /// What gravity does to a machine that an engineer would want to be told.
-fn warnings(study: &Study) -> Vec<String> {
+pub(crate) fn warnings(study: &Study) -> Vec<String> {
     let mut warnings = Vec::new();
     let loads = study.model.statics.axial.iter();
     for (beam, load) in study.machine.beams.iter().zip(loads) {
@@ -624,16 +630,7 @@ fn warnings(study: &Study) -> Vec<String> {
     warnings
 }
 
-/// `"acceleration"`, `"force"` or `"both"`.
-pub fn feedback_name(feedback: Feedback) -> &'static str {
-    match feedback {
-        Feedback::Acceleration => "acceleration",
-        Feedback::Force => "force",
-        Feedback::Both => "both",
-    }
-}
-
-fn digest(machine: &Machine) -> String {
+pub(crate) fn digest(machine: &Machine) -> String {
     use std::fmt::Write as _;
     let mut text = String::new();
     for byte in machine.digest.0 {

@@ -1,0 +1,85 @@
+//! `host-gen report`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use host_gen::machine::Machine;
+use host_gen::report::page::page;
+use host_gen::report::plots::{csv, png, svg};
+use host_gen::report::{Report, Review};
+use host_gen::spectrum::Criterion;
+
+use crate::{Failure, in_study, machines, search_bar, write_whole};
+
+#[derive(Args)]
+pub struct ReportArguments {
+    /// Machine files; of several the page also shows what differs.
+    #[arg(required = true)]
+    models: Vec<PathBuf>,
+    /// Each machine once with every kind of feedback it has sensors for.
+    #[arg(long)]
+    by_feedback: bool,
+    /// The page's file [default: NAME-report.html].
+    #[arg(long)]
+    output: Option<PathBuf>,
+    /// Also write every chart there as SVG, PNG and CSV.
+    #[arg(long, value_name = "FOLDER")]
+    plots: Option<PathBuf>,
+    /// The floor is as strong as this criterion allows.
+    #[arg(long, value_enum, default_value_t = Criterion::VcC)]
+    criterion: Criterion,
+}
+
+pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
+    let machines = machines(&arguments.models, arguments.by_feedback)?;
+    let bar = search_bar();
+    let reports = machines
+        .iter()
+        .map(|machine| Report::new(machine, arguments.criterion, &|| bar.inc(1)));
+    let reports = reports.collect::<Result<Vec<_>, _>>();
+    bar.finish_and_clear();
+    let of = in_study(&arguments.models[0]);
+    let review = reports.and_then(Review::new).map_err(of)?;
+    let path = match &arguments.output {
+        Some(path) => path.clone(),
+        None => PathBuf::from(format!("{}-report.html", names(&machines))),
+    };
+    if let Some(folder) = &arguments.plots {
+        plots(&review, folder)?;
+    }
+    write_whole(&path, page(&review).as_bytes())?;
+    println!("{}: open it in a browser", path.display());
+    Ok(())
+}
+
+/// Each machine's name once, with a hyphen between.
+fn names(machines: &[Machine]) -> String {
+    let mut names: Vec<&str> = machines.iter().map(|m| &m.name[..]).collect();
+    names.dedup();
+    names.join("-")
+}
+
+fn plots(review: &Review, folder: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(folder).map_err(|error| Failure::Io {
+        path: folder.display().to_string(),
+        what: "created",
+        error,
+    })?;
+    let pictures = review.pictures();
+    for (name, chart) in &pictures {
+        let write = |ending: &str, bytes: &[u8]| {
+            write_whole(&folder.join(format!("{name}.{ending}")), bytes)
+        };
+        let picture = svg(chart)?;
+        write("svg", picture.as_bytes())?;
+        write("png", &png(chart, &picture)?)?;
+        write("csv", csv(chart).as_bytes())?;
+    }
+    println!(
+        "{}: {} charts, each as SVG, PNG and CSV",
+        folder.display(),
+        pictures.len()
+    );
+    Ok(())
+}

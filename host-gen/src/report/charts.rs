@@ -1,0 +1,539 @@
+//! The charts of one machine.
+
+use nalgebra::Complex;
+use rayon::prelude::*;
+use shared::LEGS;
+
+use super::chart::{Axis, Chart, Colour, Scale, Series, Style};
+use crate::closed_loop::{SampledLoop, Six, close_ideal, grid, stable};
+use crate::design::ideal_poles;
+use crate::energy::{Kind, energies};
+use crate::history::History;
+use crate::law::LinearLaw;
+use crate::linear::largest_singular_value;
+use crate::machine::{Feedback, Machine};
+use crate::output::analysis::Sigma;
+use crate::plant::{Gain, pole_peaks};
+use crate::shaping::{ShapingError, isolation_band};
+use crate::spectrum::{Budget, Criterion, SOURCES, Spectra};
+use crate::study::{Looped, Study};
+use crate::zeros::transmission_zeros;
+
+fn db(x: f64) -> f64 {
+    20.0 * x.log10()
+}
+
+fn hertz() -> Axis {
+    Axis::log("frequency, Hz")
+}
+
+fn colour(feedback: Feedback) -> Colour {
+    match feedback {
+        Feedback::Acceleration => Colour::Acceleration,
+        Feedback::Force => Colour::Force,
+        Feedback::Both => Colour::Both,
+    }
+}
+
+/// A line straight across.
+fn limit(name: impl Into<String>, from: f64, to: f64, y: f64) -> Series {
+    Series::line(name, Colour::Limit, [(from, y), (to, y)]).styled(Style::Limit)
+}
+
+/// σ_max(G11), Fig. 5. `own` is the feedback of the machine's file.
+pub fn sigma(sigma: &Sigma, own: Feedback) -> Chart {
+    let series = sigma.curves.iter().map(|curve| {
+        let points = sigma.hz.iter().zip(&curve.sigma_max);
+        let points = points.map(|(hz, sigma)| (*hz, db(*sigma)));
+        let kinds = [Feedback::Acceleration, Feedback::Force, Feedback::Both];
+        let kind = |kind: &Feedback| {
+            let name = curve.name.split(',').next();
+            name == Some(kind.name())
+        };
+        let kind = kinds.into_iter().find(kind);
+        let series = Series::line(&curve.name, kind.map_or(Colour::Open, colour), points);
+        let sampled = curve.name.ends_with("sampled");
+        match kind {
+            None => series.main(),
+            Some(_) if !sampled => series.styled(Style::Dashed),
+            Some(kind) if kind == own => series.main(),
+            Some(_) => series,
+        }
+    });
+    Chart {
+        id: "sigma",
+        title: "From the floor to the performance outputs: σ_max(G11)".to_owned(),
+        note: "The worst that the floor can do to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better. Dashed: the ideal law, without delay or sampling. Solid: the law as the board runs it.".to_owned(),
+        x: hertz(),
+        y: Axis::linear("σ_max(G11), dB"),
+        series: series.collect(),
+        marks: Vec::new(),
+    }
+}
+
+/// How the machine as a whole follows the floor.
+///
+/// # Errors
+/// Where an eigenvalue iteration does not end.
+pub fn isolation(own: &Looped) -> Result<Chart, ShapingError> {
+    let study = &own.study;
+    let plant = &study.plant.plant;
+    let rigid = plant.rigid_floor.map(Complex::from);
+    let whole = plant.whole();
+    let [low, high] = isolation_band(&study.design, study.machine.target.frequency);
+    let ideal = ideal_poles(&plant.state_space, &study.gains).ok_or(ShapingError::Eigenvalues)?;
+    let closed = own.sampled.as_ref().ok().map(|(table, _)| SampledLoop {
+        plant: &study.plant,
+        law: LinearLaw::new(table),
+    });
+    let mut peaks = [plant.peaks(), pole_peaks(&ideal)].concat();
+    if let Some(closed) = &closed {
+        peaks.extend(pole_peaks(
+            &closed.poles().ok_or(ShapingError::Eigenvalues)?,
+        ));
+    }
+    let points = grid(low, high, 300, &peaks);
+    let curve = |gain: &(dyn Fn(f64) -> Gain + Sync)| -> Vec<(f64, f64)> {
+        let points = points.par_iter();
+        points
+            .map(|&hz| (hz, db(largest_singular_value(&gain(hz)))))
+            .collect()
+    };
+    let open = curve(&|hz| plant.response(hz).from_floor(whole.clone()) * rigid);
+    let mut series = vec![Series::line("open", Colour::Open, open).main()];
+    let colour = colour(study.design.feedback);
+    if stable(&ideal) {
+        let ideal = curve(&|hz| close_ideal(plant, &study.gains, hz, whole.clone()) * rigid);
+        series.push(Series::line("ideal", colour, ideal).styled(Style::Dashed));
+    }
+    if let Some(closed) = &closed {
+        let sampled = curve(&|hz| closed.transmissibility(hz));
+        series.push(Series::line("sampled", colour, sampled).main());
+    }
+    series.push(limit("1/√2: isolates below", low, high, -db(2.0) / 2.0));
+    Ok(Chart {
+        id: "isolation",
+        title: "How the machine follows the floor: transmissibility".to_owned(),
+        note: "All bodies as one, in the worst direction: 0 dB moves with the floor, below −3 dB the machine is isolated. A hard mount without control follows up to its suspension modes and amplifies there.".to_owned(),
+        x: hertz(),
+        y: Axis::linear("transmissibility, dB"),
+        series,
+        marks: Vec::new(),
+    })
+}
+
+/// Loop gain by mode, sensitivity, and the Nyquist curves of the modes.
+///
+/// # Errors
+/// Where an eigenvalue iteration does not end.
+pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], ShapingError> {
+    let closed = SampledLoop {
+        plant: &study.plant,
+        law,
+    };
+    let target = &study.machine.target;
+    let poles = closed.poles().ok_or(ShapingError::Eigenvalues)?;
+    let peaks = [study.plant.plant.peaks(), pole_peaks(&poles)].concat();
+    let (low, high) = (0.01 * target.frequency, 0.5 / study.plant.period);
+    let points = grid(low, high, 500, &peaks);
+    let modal_loop = closed.modal_loop(&study.design.modal);
+    let values: Vec<(f64, Six)> = points.iter().map(|&hz| (hz, modal_loop(hz))).collect();
+    let hertz_of = study.design.hertz();
+    let name = |k: usize| format!("mode {}, {:.1} Hz", k + 1, hertz_of[k]);
+    let by_mode = |value: &dyn Fn(f64, Complex<f64>) -> (f64, f64)| {
+        let one = |k: usize| {
+            let points = values.iter().map(|(hz, l)| value(*hz, l[(k, k)]));
+            Series::line(name(k), Colour::Nth(k), points)
+        };
+        (0..LEGS).map(one).collect::<Vec<_>>()
+    };
+    let mut gains = by_mode(&|hz, l| (hz, db(l.norm())));
+    gains.push(limit("1", low, high, 0.0));
+    let sensitivity = values.iter().map(|(hz, l)| {
+        let smallest = (Six::identity() + l).singular_values().min();
+        (*hz, -db(smallest))
+    });
+    let sensitivity = vec![
+        Series::line("σ_max(S)", colour(study.design.feedback), sensitivity).main(),
+        limit(
+            format!("asked: {}", target.max_sensitivity),
+            low,
+            high,
+            db(target.max_sensitivity),
+        ),
+    ];
+    let mut nyquist = by_mode(&|_, l| (l.re, l.im));
+    // Round −1: where the sensitivity of one mode is at its bound.
+    let radius = 1.0 / target.max_sensitivity;
+    let circle = (0..=72).map(|i| {
+        let (sin, cos) = (f64::from(i) * core::f64::consts::TAU / 72.0).sin_cos();
+        (radius * cos - 1.0, radius * sin)
+    });
+    nyquist.push(Series::line("bound about −1", Colour::Limit, circle).styled(Style::Limit));
+    let equal = |label: &str| Axis {
+        scale: Scale::Equal,
+        ..Axis::linear(label)
+    };
+    Ok([
+        Chart {
+            id: "loop-gain",
+            title: "Loop gain by mode".to_owned(),
+            note: "Opened at the force along each mode of the design model. Where it is large, the loop replaces what the machine does by what it is asked to do.".to_owned(),
+            x: hertz(),
+            y: Axis::linear("|L|, dB"),
+            series: gains,
+ marks: Vec::new(),
+},
+        Chart {
+            id: "sensitivity",
+            title: "Sensitivity: what the loop amplifies".to_owned(),
+            note: "The largest singular value of (1 + L)⁻¹, all modes at once. Below 0 dB the loop helps, above it pays for that; the peak is what the margins are made of.".to_owned(),
+            x: hertz(),
+            y: Axis::linear("σ_max(S), dB"),
+            series: sensitivity,
+ marks: Vec::new(),
+},
+        Chart {
+            id: "nyquist",
+            title: "Nyquist curves of the modes".to_owned(),
+            note: "L of each mode in the complex plane, from low frequency to half the sample rate. Where modes hardly couple, none enters the circle about −1.".to_owned(),
+            x: equal("Re L").from_to(-3.0, 2.0),
+            y: equal("Im L").from_to(-2.0, 2.0),
+            series: nyquist,
+ marks: Vec::new(),
+},
+    ])
+}
+
+/// Modes, zeros and poles on one frequency axis.
+pub fn frequencies(looped: &[Looped]) -> Chart {
+    let mut names = vec!["modes".to_owned()];
+    let mut series = Vec::new();
+    if let Some(Looped { study, .. }) = looped.first() {
+        let modes = study.model.modes();
+        let energies = energies(&study.machine, &study.model, &modes);
+        for (kind, name, colour) in [
+            (Kind::Suspension, "suspension modes", Colour::Nth(6)),
+            (Kind::Internal, "internal modes", Colour::Nth(3)),
+        ] {
+            let own = modes.hertz().into_iter().zip(&energies);
+            let own: Vec<f64> = own
+                .filter(|(hz, e)| e.kind == kind && *hz > 0.0)
+                .map(|(hz, _)| hz)
+                .collect();
+            let labels = own.iter().map(|hz| format!("{hz:.3} Hz")).collect();
+            let points = own.into_iter().map(|hz| (hz, 0.0));
+            series.push(points_of(name, colour, points, labels).main());
+        }
+    }
+    for Looped { study, sampled } in looped {
+        let feedback = study.design.feedback;
+        let space = &study.plant.plant.state_space;
+        let name = feedback.name();
+        let fastest = core::f64::consts::PI / study.plant.period;
+        let mut add = |what: String, list: Vec<Complex<f64>>| {
+            let row = names.len() as f64;
+            let upper = list
+                .into_iter()
+                .filter(|s| s.im >= 0.0 && s.norm() < fastest);
+            let (points, labels): (Vec<_>, Vec<_>) = upper
+                .map(|s| {
+                    let hz = s.norm() / core::f64::consts::TAU;
+                    let label = format!("{hz:.4} Hz, damping {:.4}", -s.re / s.norm());
+                    ((hz, row), label)
+                })
+                .unzip();
+            series.push(points_of(what.clone(), colour(feedback), points, labels));
+            names.push(what);
+        };
+        // With both kinds each has its own zeros, and the ideal loop is the
+        // accelerations'.
+        if feedback != Feedback::Both {
+            let zeros = transmission_zeros(space, feedback).unwrap_or_default();
+            add(format!("{name}: zeros"), zeros);
+            let ideal = ideal_poles(space, &study.gains).unwrap_or_default();
+            add(format!("{name}: ideal poles"), ideal);
+        }
+        if let Ok((table, _)) = sampled {
+            let plant = &study.plant;
+            let law = LinearLaw::new(table);
+            let poles = SampledLoop { plant, law }.poles().unwrap_or_default();
+            add(format!("{name}: sampled poles"), poles);
+        }
+    }
+    let highest = (names.len() - 1) as f64;
+    Chart {
+        id: "frequencies",
+        title: "Zeros beside modes and poles".to_owned(),
+        note: "High gain draws poles onto the zeros of the path from leg forces to sensors (section 3 of the paper): what sits there, the loop has no hold of. Zeros far below the modes are good; zeros among them are what force feedback through stiff legs runs into.".to_owned(),
+        x: hertz().from_to(0.05, 2000.0),
+        y: Axis {
+            names,
+            ..Axis::linear("").from_to(-0.5, highest + 0.5)
+        },
+        series,
+        marks: Vec::new(),
+    }
+}
+
+fn points_of(
+    name: impl Into<String>,
+    colour: Colour,
+    points: impl IntoIterator<Item = (f64, f64)>,
+    labels: Vec<String>,
+) -> Series {
+    Series::line(name, colour, points)
+        .styled(Style::Points)
+        .labelled(labels)
+}
+
+/// Floor vibration: one-third octaves on the criteria, and the spectrum of the
+/// performance by source.
+pub fn vibration(floor: &str, [open, closed]: &[Budget; 2]) -> [Chart; 2] {
+    let thirds = |budget: &Budget| {
+        let thirds = budget.thirds().into_iter();
+        thirds
+            .map(|(hz, velocity, _)| (hz, 1e6 * velocity))
+            .collect::<Vec<_>>()
+    };
+    let mut series = vec![
+        Series::line("open", Colour::Open, thirds(open)).main(),
+        Series::line("closed", Colour::Acceleration, thirds(closed)).main(),
+    ];
+    for criterion in Criterion::VC {
+        let hz = (0..20).map(|n| 10f64.powf(f64::from(n) / 10.0));
+        let own = hz.filter(|hz| *hz > 0.98 * criterion.begins());
+        let points = own.map(|hz| (hz, 1e6 * criterion.velocity(hz)));
+        series.push(Series::line(criterion.name(), Colour::Limit, points).styled(Style::Limit));
+    }
+    let together = |spectra: &Spectra, part: &dyn Fn(&[f64; SOURCES.len()]) -> f64| {
+        let sum = |i: usize| spectra.iter().map(|one| part(&one[i])).sum::<f64>();
+        (0..spectra.first().map_or(0, Vec::len))
+            .map(|i| sum(i).sqrt())
+            .collect::<Vec<_>>()
+    };
+    let total = |budget: &Budget| {
+        let density = together(&budget.performance, &|powers| powers.iter().sum());
+        budget.hz.iter().copied().zip(density).collect::<Vec<_>>()
+    };
+    let mut spectrum = vec![
+        Series::line("open", Colour::Open, total(open)).main(),
+        Series::line("closed", Colour::Acceleration, total(closed)).main(),
+    ];
+    for (i, source) in SOURCES.into_iter().enumerate() {
+        let density = together(&closed.performance, &|powers| powers[i]);
+        let points = closed.hz.iter().copied().zip(density);
+        spectrum.push(
+            Series::line(format!("closed: from {source}"), Colour::Nth(i + 1), points)
+                .styled(Style::Dashed),
+        );
+    }
+    [
+        Chart {
+            id: "vibration",
+            title: "Velocity of the frame on the vibration criteria".to_owned(),
+            note: format!("One-third octaves, rms, the worst of x, y and z, on the floor {floor}. A frame meets a criterion whose line it stays below."),
+            x: hertz().from_to(0.9, 100.0),
+            y: Axis::log("velocity, µm/s rms"),
+            series,
+ marks: Vec::new(),
+},
+        Chart {
+            id: "spectrum",
+            title: "Spectrum of the performance, and where it comes from".to_owned(),
+            note: "Amplitude density of all performance outputs together. The dashed lines divide the closed loop's among floor, sensor noise and converters: the noise budget by frequency.".to_owned(),
+            x: hertz(),
+            y: Axis::log("m/s²/√Hz"),
+            series: spectrum,
+ marks: Vec::new(),
+},
+    ]
+}
+
+/// The session in time.
+pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
+    let envelope = &history.envelope;
+    let time = || envelope.time.iter().copied();
+    let ending = envelope.time.last().copied().unwrap_or(0.0);
+    let close = &history.close_up;
+    let energy = |signal: &[f64]| signal.iter().map(|x| x * x).sum::<f64>();
+    let loudest = (0..close.open.len())
+        .max_by(|&a, &b| energy(&close.open[a]).total_cmp(&energy(&close.open[b])));
+    let names = machine.performance_names();
+    let mut lines = Vec::new();
+    for (i, name) in names.iter().enumerate() {
+        let pair = [
+            ("open", &close.open, Colour::Open),
+            ("closed", &close.closed, colour(machine.target.feedback)),
+        ];
+        for (what, signals, colour) in pair {
+            let Some(signal) = signals.get(i) else {
+                continue;
+            };
+            let points = close.time.iter().copied().zip(signal.iter().copied());
+            lines.push(
+                Series::line(format!("{name}, {what}"), colour, points).shown(loudest == Some(i)),
+            );
+        }
+    }
+    let mut forces: Vec<Series> = machine
+        .actuators
+        .iter()
+        .zip(&envelope.force)
+        .enumerate()
+        .map(|(n, (leg, force))| {
+            let points = time().zip(force.iter().copied());
+            Series::line(&machine.beams[*leg].name, Colour::Nth(n), points)
+        })
+        .collect();
+    let limit_of = machine.board.force_limit;
+    forces.push(limit("limit", 0.0, ending, limit_of).shown(false));
+    [
+        Chart {
+            id: "session",
+            title: "A session, from rest to the closed loop".to_owned(),
+            note: format!(
+                "The firmware's controller on the simulated machine, converters and noise included, on the floor of its file ({:e} m/s² rms, {} to {} Hz). All performance outputs together, rms over 50 ms. The self-test pushes each leg in turn; then the loop closes gently.",
+                machine.simulation.floor_rms,
+                machine.simulation.floor_band[0],
+                machine.simulation.floor_band[1],
+            ),
+            x: Axis::linear("time, s"),
+            y: Axis::log("m/s² rms"),
+            series: vec![
+                Series::line(
+                    "legs at rest",
+                    Colour::Open,
+                    time().zip(envelope.open.iter().copied()),
+                )
+                .main(),
+                Series::line(
+                    "under the controller",
+                    colour(machine.target.feedback),
+                    time().zip(envelope.closed.iter().copied()),
+                )
+                .main(),
+            ],
+            marks: history
+                .phases
+                .iter()
+                .map(|phase| (phase.from, phase.mode.to_owned()))
+                .collect(),
+        },
+        Chart {
+            id: "close-up",
+            title: "The same floor with and without control".to_owned(),
+            note: "The last half second of the session. Click the legend for other outputs."
+                .to_owned(),
+            x: Axis::linear("time, s"),
+            y: Axis::linear("m/s²"),
+            series: lines,
+            marks: Vec::new(),
+        },
+        Chart {
+            id: "forces",
+            title: "Forces of the legs during the session".to_owned(),
+            note: format!("Largest in 50 ms; the limit is {limit_of} N."),
+            x: Axis::linear("time, s"),
+            y: Axis::linear("force, N"),
+            series: forces,
+            marks: Vec::new(),
+        },
+    ]
+}
+
+/// The machine's beams seen from a corner, at rest and in each mode.
+pub fn drawings(study: &Study) -> Vec<Chart> {
+    let machine = &study.machine;
+    let modes = study.model.modes();
+    // From the right and above: x to the right, y back, z up.
+    let seen = |p: nalgebra::Vector3<f64>| {
+        let (sin, cos) = 0.6_f64.sin_cos();
+        (
+            p.x * cos - p.y * sin,
+            0.45 * (p.x * sin + p.y * cos) + 0.9 * p.z,
+        )
+    };
+    let size = machine
+        .nodes
+        .iter()
+        .flat_map(|a| machine.nodes.iter().map(|b| (a.at - b.at).norm()))
+        .fold(0.0, f64::max);
+    let beams = |shape: Option<nalgebra::DVector<f64>>| {
+        let moved: Vec<nalgebra::Vector3<f64>> = (0..machine.nodes.len())
+            .map(|node| match &shape {
+                Some(shape) => study.model.translation(machine, node, shape),
+                None => nalgebra::Vector3::zeros(),
+            })
+            .collect();
+        let largest = moved.iter().map(|v| v.norm()).fold(0.0, f64::max);
+        let scale = if largest > 0.0 {
+            0.12 * size / largest
+        } else {
+            0.0
+        };
+        let at = |node: usize| seen(machine.nodes[node].at + moved[node] * scale);
+        // Not a number between beams: the line breaks there.
+        let beam = |ends: &[usize; 2]| [at(ends[0]), at(ends[1]), (f64::NAN, f64::NAN)];
+        let legs = machine
+            .actuators
+            .iter()
+            .map(|leg| &machine.beams[*leg].ends);
+        let others = machine.beams.iter().enumerate();
+        let others = others
+            .filter(|(i, _)| !machine.actuators.contains(i))
+            .map(|(_, other)| &other.ends);
+        // Every body as its nodes joined to each other.
+        let mut bodies = Vec::new();
+        for body in 0..machine.bodies.len() {
+            let carrier = crate::machine::Carrier::Body(body);
+            let own: Vec<usize> = (0..machine.nodes.len())
+                .filter(|node| machine.nodes[*node].carrier == carrier)
+                .collect();
+            for (i, a) in own.iter().enumerate() {
+                bodies.extend(own[i + 1..].iter().flat_map(|b| beam(&[*a, *b])));
+            }
+        }
+        (
+            legs.flat_map(beam).collect::<Vec<_>>(),
+            others.flat_map(beam).collect::<Vec<_>>(),
+            bodies,
+        )
+    };
+    let axis = || Axis {
+        scale: Scale::Equal,
+        ..Axis::linear("m")
+    };
+    let (legs, others, bodies) = beams(None);
+    let drawn = |(legs, others, bodies): (Vec<_>, Vec<_>, Vec<_>)| {
+        vec![
+            Series::line("bodies", Colour::Nth(4), bodies),
+            Series::line("legs", Colour::Nth(1), legs),
+            Series::line("other beams", Colour::Nth(2), others),
+        ]
+    };
+    let mut drawings = vec![Chart {
+        id: "machine",
+        title: format!("{}: legs, bodies, beams", machine.name),
+        note: "Seen from above and the side.".to_owned(),
+        x: axis(),
+        y: axis(),
+        series: drawn((legs.clone(), others.clone(), bodies)),
+        marks: Vec::new(),
+    }];
+    for (i, hz) in modes.hertz().into_iter().enumerate() {
+        let rest = [legs.clone(), others.clone()].concat();
+        let mut series = vec![Series::line("at rest", Colour::Open, rest).styled(Style::Dashed)];
+        series.extend(drawn(beams(Some(modes.shapes.column(i).into_owned()))));
+        drawings.push(Chart {
+            id: "mode",
+            title: format!("mode {}, {hz:.2} Hz", i + 1),
+            note: "The largest motion is drawn as an eighth of the machine.".to_owned(),
+            x: axis(),
+            y: axis(),
+            series,
+            marks: Vec::new(),
+        });
+    }
+    drawings
+}

@@ -1,0 +1,344 @@
+//! A machine's report: everything a design review asks, as data, as a page, as
+//! pictures.
+
+use serde::Serialize;
+
+use crate::history::{Phase, history};
+use crate::law::LinearLaw;
+use crate::machine::{Feedback, Machine};
+use crate::output::analysis::{Compared, Frequencies, Poles, Sigma, Zeros};
+use crate::output::design::Designed;
+use crate::output::floor::Floors;
+use crate::output::{Gains, Modes, Statement, digest, warnings};
+use crate::simulation::{Comparison, compare};
+use crate::spectrum::{Criterion, Floor, both_budgets};
+use crate::study::{Looped, Study, StudyError};
+use chart::{Chart, laid_over};
+use scene::Scene;
+
+pub mod chart;
+mod charts;
+pub mod page;
+pub mod plots;
+pub mod scene;
+
+/// Where singular values are looked at, Hz.
+const SIGMA: (f64, f64, usize) = (0.1, 300.0, 400);
+
+/// Where spectra are looked at, Hz.
+const SPECTRA: [f64; 2] = [0.5, 300.0];
+
+/// One machine.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    machine: String,
+    model_sha256: String,
+    feedback: &'static str,
+    frequency_hz: f64,
+    damping: f64,
+    sample_rate: f64,
+    files: Vec<File>,
+    settings: Vec<Setting>,
+    scene: Scene,
+    modes: Modes,
+    /// Of each kind of feedback that the machine has sensors for.
+    gains: Vec<Gains>,
+    zeros: Zeros,
+    closed: Option<Closed>,
+    /// Why there is no closed loop.
+    missing: Option<String>,
+    charts: Vec<Chart>,
+    /// Pictures for papers; the page has the machine itself.
+    #[serde(skip)]
+    drawings: Vec<Chart>,
+    statements: Vec<Statement>,
+    warnings: Vec<String>,
+    /// Curves that the chart of singular values does not have, and why.
+    not_shown: Vec<String>,
+    #[serde(skip)]
+    own: Looped,
+}
+
+/// What only a machine with its loop has.
+#[derive(Debug, Serialize)]
+struct Closed {
+    poles: Poles,
+    design: Designed,
+    floor: Floors,
+    simulation: Comparison,
+    phases: Vec<Phase>,
+    table_format: u16,
+    table_checksum: u32,
+}
+
+/// A file a machine is made of, as it was read.
+#[derive(Debug, Serialize)]
+struct File {
+    path: String,
+    text: String,
+}
+
+/// A key of the machine's file and its value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Setting {
+    key: String,
+    value: String,
+}
+
+impl Report {
+    /// What needs no search for a controller: in some tens of milliseconds.
+    ///
+    /// # Errors
+    /// As [`Study::new`], or where an eigenvalue iteration does not end.
+    pub fn quick(machine: &Machine) -> Result<Self, StudyError> {
+        let none = |machine| {
+            let study = Study::new(machine)?;
+            let sampled = Err("not searched for yet".to_owned());
+            Ok::<_, StudyError>(Looped { study, sampled })
+        };
+        let looped = machine.by_feedback().into_iter().map(none);
+        Self::of(machine, &looped.collect::<Result<Vec<_>, _>>()?, None)
+    }
+
+    /// Everything; floor vibration as strong as `criterion` allows. `progress` is
+    /// called after every trial of the search.
+    ///
+    /// # Errors
+    /// As [`Study::new`], or where an eigenvalue iteration does not end. A target
+    /// that cannot be reached is part of the report.
+    pub fn new(
+        machine: &Machine,
+        criterion: Criterion,
+        progress: &(dyn Fn() + Sync),
+    ) -> Result<Self, StudyError> {
+        let looped = Looped::by_feedback(machine, progress)?;
+        Self::of(machine, &looped, Some(criterion))
+    }
+
+    fn of(
+        machine: &Machine,
+        looped: &[Looped],
+        criterion: Option<Criterion>,
+    ) -> Result<Self, StudyError> {
+        let kind = machine.target.feedback;
+        let own = looped.iter().find(|l| l.study.design.feedback == kind);
+        let own = own.expect("a machine has the sensors that it feeds back");
+        let study = &own.study;
+        let (low, high, count) = SIGMA;
+        let sigma = Sigma::new(machine, looped, Frequencies::Adaptive { low, high, count })?;
+        let mut charts = vec![
+            charts::sigma(&sigma, kind),
+            charts::isolation(own)?,
+            charts::frequencies(looped),
+        ];
+        let mut closed = None;
+        if let (Ok((table, shaped)), Some(criterion)) = (&own.sampled, criterion) {
+            charts.extend(charts::loops(study, LinearLaw::new(table))?);
+            let floor = Floor::Criterion(criterion);
+            let board = &machine.board;
+            let budgets = both_budgets(&study.plant, board, table, &floor, SPECTRA)?;
+            charts.extend(charts::vibration(criterion.name(), &budgets));
+            let history = history(study, table);
+            charts.extend(charts::session(machine, &history));
+            let [open, under] = budgets;
+            let name = criterion.name().to_owned();
+            closed = Some(Closed {
+                poles: Poles::new(study, table)?,
+                design: Designed::new(study, table, shaped.clone(), false, &|| {})?,
+                // The charts have the spectra.
+                floor: Floors::new(study, name, SPECTRA, open, under).without_spectra(),
+                simulation: compare(
+                    &study.plant,
+                    board,
+                    &machine.simulation,
+                    table,
+                    machine.performance_names(),
+                ),
+                phases: history.phases,
+                table_format: shared::table::FORMAT_VERSION,
+                table_checksum: table.checksum(),
+            });
+        }
+        let gains = looped.iter().map(|l| &l.study);
+        let gains = gains.filter(|study| study.design.feedback != Feedback::Both);
+        Ok(Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            feedback: kind.name(),
+            frequency_hz: machine.target.frequency,
+            damping: machine.target.damping,
+            sample_rate: machine.board.sample_rate,
+            files: machine
+                .files()
+                .map(|(path, text)| File {
+                    path: path.display().to_string(),
+                    text: text.to_owned(),
+                })
+                .collect(),
+            settings: settings(machine),
+            scene: Scene::new(machine),
+            modes: Modes::new(study),
+            gains: gains.map(Gains::new).collect(),
+            zeros: Zeros::new(machine)?,
+            closed,
+            missing: own.sampled.as_ref().err().cloned(),
+            charts,
+            drawings: charts::drawings(study),
+            statements: machine.provenance.iter().map(Statement::new).collect(),
+            warnings: warnings(study),
+            not_shown: sigma.missing,
+            own: own.clone(),
+        })
+    }
+
+    /// The charts, then the drawings, each with the name of its file.
+    pub fn pictures(&self) -> Vec<(String, &Chart)> {
+        let charts = self.charts.iter().map(|c| (c.id.to_owned(), c));
+        let drawings = self.drawings.iter().enumerate();
+        let drawings = drawings.map(|(i, c)| match i {
+            0 => (c.id.to_owned(), c),
+            _ => (format!("{}-{i}", c.id), c),
+        });
+        charts.chain(drawings).collect()
+    }
+
+    /// What the machine is called.
+    pub fn machine(&self) -> &str {
+        &self.machine
+    }
+}
+
+/// Every key that ends in a value. What explains numbers is none.
+fn settings(machine: &Machine) -> Vec<Setting> {
+    fn walk(prefix: &str, value: &toml::Value, settings: &mut Vec<Setting>) {
+        match value {
+            toml::Value::Table(table) => {
+                for (key, value) in table {
+                    let dot = if prefix.is_empty() { "" } else { "." };
+                    walk(&format!("{prefix}{dot}{key}"), value, settings);
+                }
+            }
+            value => settings.push(Setting {
+                key: prefix.to_owned(),
+                value: value.to_string(),
+            }),
+        }
+    }
+    let mut settings = Vec::new();
+    for (key, value) in &machine.description {
+        if key != "provenance" {
+            walk(key, value, &mut settings);
+        }
+    }
+    settings
+}
+
+/// One machine, or several side by side.
+#[derive(Debug, Serialize)]
+pub struct Review {
+    /// Of host-gen.
+    version: &'static str,
+    machines: Vec<Report>,
+    /// Nothing with one machine.
+    side_by_side: Option<SideBySide>,
+}
+
+/// Machines side by side.
+#[derive(Debug, Serialize)]
+struct SideBySide {
+    /// What each is called where others stand beside it.
+    names: Vec<String>,
+    compared: Compared,
+    /// Settings that are not the same in all: the key, and by machine the value,
+    /// none where it has no such key.
+    differences: Vec<(String, Vec<Option<String>>)>,
+    charts: Vec<Chart>,
+}
+
+impl Review {
+    /// Of machines with their reports.
+    ///
+    /// # Errors
+    /// As [`Study::new`].
+    pub fn new(machines: Vec<Report>) -> Result<Self, StudyError> {
+        let side_by_side = if machines.len() > 1 {
+            Some(SideBySide::new(&machines)?)
+        } else {
+            None
+        };
+        Ok(Self {
+            version: env!("CARGO_PKG_VERSION"),
+            machines,
+            side_by_side,
+        })
+    }
+
+    /// All pictures, each with the name of its file: those of several machines
+    /// begin with the machine's name, or with `compared`.
+    pub fn pictures(&self) -> Vec<(String, &Chart)> {
+        let Some(both) = &self.side_by_side else {
+            return self.machines.iter().flat_map(Report::pictures).collect();
+        };
+        let single = both.names.iter().zip(&self.machines);
+        let single = single.flat_map(|(name, report)| {
+            let pictures = report.pictures().into_iter();
+            let name = name.replace([',', ' '], "-").replace("--", "-");
+            pictures.map(move |(id, chart)| (format!("{name}-{id}"), chart))
+        });
+        let compared = both.charts.iter();
+        let compared = compared.map(|chart| (format!("compared-{}", chart.id), chart));
+        single.chain(compared).collect()
+    }
+
+    /// The machines' reports.
+    pub fn machines(&self) -> &[Report] {
+        &self.machines
+    }
+}
+
+impl SideBySide {
+    fn new(reports: &[Report]) -> Result<Self, StudyError> {
+        // Of one name twice, the kinds of feedback tell them apart, or their order.
+        let name = |(i, report): (usize, &Report)| {
+            let same = |other: &&Report| other.machine == report.machine;
+            let alike = |other: &Report| other.feedback == report.feedback;
+            let others: Vec<_> = reports.iter().filter(same).collect();
+            if others.len() < 2 {
+                report.machine.clone()
+            } else if others.iter().filter(|other| alike(other)).count() < 2 {
+                format!("{}, {}", report.machine, report.feedback)
+            } else {
+                format!("{} {}", report.machine, i + 1)
+            }
+        };
+        let names: Vec<String> = reports.iter().enumerate().map(name).collect();
+        let charts: Vec<(String, &[Chart])> = names
+            .iter()
+            .zip(reports)
+            .map(|(name, report)| (name.clone(), &report.charts[..]))
+            .collect();
+        let mut keys: Vec<&str> = Vec::new();
+        for setting in reports.iter().flat_map(|report| &report.settings) {
+            if !keys.contains(&&setting.key[..]) {
+                keys.push(&setting.key);
+            }
+        }
+        let values = |key: &&str| {
+            let value = |report: &Report| {
+                let mut settings = report.settings.iter();
+                settings.find(|s| s.key == *key).map(|s| s.value.clone())
+            };
+            reports.iter().map(value).collect::<Vec<_>>()
+        };
+        Ok(Self {
+            charts: laid_over(&charts),
+            compared: Compared::new(reports.iter().map(|report| &report.own))?,
+            differences: keys
+                .iter()
+                .map(|key| ((*key).to_owned(), values(key)))
+                .filter(|(_, values)| values.iter().any(|value| value != &values[0]))
+                .collect(),
+            names,
+        })
+    }
+}

@@ -1,0 +1,49 @@
+//! The page: one HTML file with everything in it.
+
+use super::Review;
+
+const TEMPLATE: &str = include_str!("web/page.html");
+const STYLE: &str = include_str!("web/page.css");
+const SCRIPT: &str = include_str!("web/page.js");
+const SCENE: &str = include_str!("web/scene.js");
+const PLOTLY: &str = include_str!("web/vendor/plotly-basic.min.js");
+const THREE: &str = include_str!("web/vendor/three.min.js");
+
+/// The page of a review. It asks nothing of any network.
+pub fn page(review: &Review) -> String {
+    let title = review
+        .machines
+        .iter()
+        .map(|report| report.machine())
+        .collect::<Vec<_>>()
+        .join(", ");
+    let data = serde_json::to_string(review).expect("numbers and strings serialise");
+    // Inside a script element only its end is special.
+    let data = data.replace("</", "<\\/");
+    let parts = [
+        ("{{title}}", title.as_str()),
+        ("{{style}}", STYLE),
+        ("{{plotly}}", PLOTLY),
+        ("{{three}}", THREE),
+        ("{{data}}", data.as_str()),
+        ("{{scene}}", SCENE),
+        ("{{script}}", SCRIPT),
+    ];
+    fill(TEMPLATE, &parts)
+}
+
+/// `template` with its places filled, in the order in which they stand there; what
+/// is filled in is not looked at again.
+fn fill(template: &str, parts: &[(&str, &str)]) -> String {
+    let mut page = String::new();
+    let mut rest = template;
+    for (place, text) in parts {
+        let (before, after) = rest
+            .split_once(place)
+            .expect("the template has every place once, in this order");
+        page.push_str(before);
+        page.push_str(text);
+        rest = after;
+    }
+    page + rest
+}

@@ -1,0 +1,404 @@
+"use strict";
+const review = JSON.parse(document.getElementById("data").textContent);
+
+// ---- numbers and markup
+
+function escape(text) {
+  return String(text).replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
+}
+
+function fixed(x, digits = 1) {
+  return x === null || x === undefined || !Number.isFinite(x) ? "–" : x.toFixed(digits).replace("-", "−");
+}
+
+function short(x, digits = 4) {
+  if (x === null || x === undefined || !Number.isFinite(x)) return "–";
+  if (x === 0) return "0";
+  const size = Math.abs(x);
+  const text = size >= 1e5 || size < 1e-3 ? x.toExponential(digits - 1) : String(Number(x.toPrecision(digits)));
+  return text.replaceAll("-", "−").replace("e+", "e");
+}
+
+/// Rows of cells; a cell that is no number is text. `texts` columns stand on the left.
+function table(head, rows, texts = 1) {
+  const cell = (tag) => (value, i) => `<${tag}${i < texts ? ' class="text"' : ""}>${value}</${tag}>`;
+  const body = rows.map((row) => `<tr>${row.map(cell("td")).join("")}</tr>`).join("");
+  return `<div class="scroll"><table><thead><tr>${head.map(cell("th")).join("")}</tr></thead><tbody>${body}</tbody></table></div>`;
+}
+
+/// A matrix, its entries shaded by size.
+function matrix(title, rows, across, down) {
+  const largest = Math.max(...rows.flat().map(Math.abs)) || 1;
+  const shade = (x) => `rgba(${x < 0 ? "213,94,0" : "0,114,178"},${(0.5 * Math.abs(x)) / largest})`;
+  // What rounding leaves of a zero.
+  const cell = (x) => `<td style="background:${shade(x)}">${Math.abs(x) < 1e-9 * largest ? "0" : short(x, 5)}</td>`;
+  const head = across ? `<tr><th></th>${across.map((n) => `<th>${escape(n)}</th>`).join("")}</tr>` : "";
+  const line = (row, i) => `<tr><th class="text">${escape(down ? down[i] : i + 1)}</th>${row.map(cell).join("")}</tr>`;
+  return `<h3>${title}</h3><div class="scroll"><table class="matrix">${head}${rows.map(line).join("")}</table></div>`;
+}
+
+function bars(title, shares) {
+  const line = ({ name, share }) => `<div class="bar"><span>${escape(name)}</span><div><i style="width:${100 * share}%"></i></div><span>${fixed(100 * share, 1)} %</span></div>`;
+  return `<h3>${title}</h3>${shares.map(line).join("")}`;
+}
+
+function from_to(list) {
+  return list.length > 1 ? `${fixed(Math.min(...list), 1)} to ${fixed(Math.max(...list), 1)} Hz` : `${fixed(list[0], 1)} Hz`;
+}
+
+// ---- charts
+
+function colour(series) {
+  return `rgba(${series.colour},${series.style === "limit" ? 0.7 : 1})`;
+}
+
+function trace(series, chart) {
+  const dash = { line: "solid", dashed: "dash", limit: "dot", points: "solid" }[series.style];
+  const points = series.style === "points";
+  const name = escape(series.name);
+  return {
+    name, x: series.x, y: series.y, type: "scatter",
+    mode: points ? "markers" : "lines",
+    line: { color: colour(series), width: series.style === "limit" ? 1.2 : 2, dash },
+    marker: { color: colour(series), size: 10, opacity: 0.8 },
+    visible: series.shown ? true : "legendonly",
+    showlegend: !points && !(series.style === "limit" && series.shown && chart.x.scale !== "equal"),
+    text: series.labels.map(escape),
+    hovertemplate: series.labels.length ? `${name}<br>%{text}<extra></extra>`
+      : `${name}<br>${escape(chart.x.label)} %{x:.4g}<br>${escape(chart.y.label)} %{y:.4g}<extra></extra>`,
+  };
+}
+
+function axis(from) {
+  const log = from.scale === "log";
+  return {
+    title: { text: escape(from.label) }, type: log ? "log" : "linear",
+    range: from.range ? from.range.map((x) => (log ? Math.log10(x) : x)) : undefined,
+    gridcolor: "#e4e8eb", zeroline: false, linecolor: "#9aa5ad", ticks: "outside", tickcolor: "#9aa5ad", automargin: true,
+    // 0.1, 0.2, 0.5, 1 of frequencies; of all else decades.
+    ...(log ? { dtick: from.label === "frequency, Hz" ? "D2" : 1, tickformat: ".4~g" } : {}),
+    ...(from.names.length ? { tickvals: from.names.map((_, i) => i), ticktext: from.names.map(escape) } : {}),
+  };
+}
+
+function chart(c) {
+  return `<figure><h3>${escape(c.title)}</h3><p class="note">${escape(c.note)}</p><div class="chart${c.x.scale === "equal" ? " square" : ""}" data-chart="${c.id}"></div></figure>`;
+}
+
+/// The names of limits, at their right ends.
+function limits(c) {
+  const place = (from, x) => (from.scale === "log" ? Math.log10(x) : x);
+  const own = c.series.filter((s) => s.style === "limit" && s.shown && c.x.scale !== "equal");
+  return own.map((s) => ({
+    x: place(c.x, s.x[s.x.length - 1]), y: place(c.y, s.y[s.y.length - 1]), text: escape(s.name),
+    showarrow: false, xanchor: "right", yanchor: "bottom", font: { size: 11, color: colour(s) },
+  }));
+}
+
+/// Draws the charts that `host` has places for.
+function draw_charts(host, charts) {
+  for (const place of host.querySelectorAll("[data-chart]")) {
+    const c = charts.find((one) => one.id === place.dataset.chart);
+    const y = axis(c.y);
+    if (c.x.scale === "equal") y.scaleanchor = "x";
+    const layout = {
+      xaxis: axis(c.x), yaxis: y, hovermode: "closest", hoverdistance: 40,
+      margin: { l: 70, r: 20, t: 12, b: 50 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
+      font: { family: "inherit", size: 13, color: "#1f2a33" },
+      legend: { orientation: "h", y: -0.2, x: 0 },
+      annotations: [...limits(c), ...c.marks.map(([x, text]) => ({
+        x, y: 1, yref: "paper", text: escape(text), showarrow: false, xanchor: "left", yanchor: "top", textangle: 90, font: { size: 11, color: "#5b6871" },
+      }))],
+      shapes: c.marks.map(([x]) => ({ type: "line", x0: x, x1: x, y0: 0, y1: 1, yref: "paper", line: { color: "#b9c2c9", width: 1 } })),
+    };
+    const config = { responsive: true, displaylogo: false, scrollZoom: false, toImageButtonOptions: { format: "svg", filename: c.id } };
+    Plotly.newPlot(place, c.series.map((s) => trace(s, c)), layout, config);
+  }
+}
+
+// ---- sections of one machine
+
+const of_kind = (m, kind) => m.modes.modes.filter((mode) => mode.kind === kind).map((mode) => mode.hz);
+
+function charts_of(m, ...ids) {
+  return ids.map((id) => m.charts.find((c) => c.id === id)).filter(Boolean).map(chart).join("");
+}
+
+function waiting(m) {
+  return m.closed ? "" : `<p class="warning">No closed loop here: ${escape(m.missing)}</p>`;
+}
+
+function glance(m) {
+  const suspension = of_kind(m, "suspension"), internal = of_kind(m, "internal");
+  const cards = [[from_to(suspension), "suspension modes without control"]];
+  if (internal.length) cards.push([from_to(internal), "internal modes"]);
+  let words = `Six stiff legs carry this machine. Without control it follows the floor and rings at its suspension modes, ${from_to(suspension)}.`;
+  if (m.closed) {
+    const s = m.closed.design.shaped;
+    cards.push([`${fixed(s.isolation_from_hz, 2)} Hz`, `isolates from here on (asked ${short(m.frequency_hz)} Hz, damping ${short(m.damping)})`]);
+    for (const band of s.bands) {
+      cards.push([`${fixed(band.open_db)} → ${fixed(band.sampled_db)} dB`, `worst floor to performance gain, ${escape(band.name)}, ${short(band.low_hz)} to ${short(band.high_hz)} Hz`]);
+    }
+    cards.push([fixed(s.peak_sensitivity.value, 2), `peak sensitivity; 1 changes nothing, 2 is usual${s.drawn ? `; stable on ${s.drawn.stable} of ${s.drawn.samples} machines drawn about this one` : ""}`]);
+    const f = m.closed.floor;
+    cards.push([`${f.open.criterion ?? "none"} → ${f.closed.criterion ?? "none"}`, `vibration criterion that the frame meets on a floor of ${escape(f.floor)}`]);
+    words += ` With ${m.feedback} feedback, as the board runs it at ${short(m.sample_rate / 1000)} kHz with ${fixed(1e6 * m.closed.design.delay.whole, 0)} µs of delay, it behaves as if it hung on soft springs and isolates from ${fixed(s.isolation_from_hz, 2)} Hz.`;
+  }
+  const card = ([value, text]) => `<div class="card"><b>${value}</b><span>${text}</span></div>`;
+  const warnings = [...m.warnings];
+  if (m.closed && !m.closed.design.shaped.soft_start) warnings.push("on its way through a soft start the loop is not stable with every gain");
+  const said = warnings.length
+    ? warnings.map((w) => `<p class="warning">Warning: ${escape(w)}</p>`).join("")
+    : m.closed ? `<p class="good">The sampled loop is ${m.closed.poles.stable ? "stable" : "unstable"}; no warnings.</p>` : "";
+  return `<p>${words}</p>${waiting(m)}<div class="cards">${cards.map(card).join("")}</div>${said}${charts_of(m, "session")}`;
+}
+
+function machine(m) {
+  const swatch = (rgb, text) => `<span><i style="background:#${rgb.toString(16).padStart(6, "0")}"></i>${text}</span>`;
+  const part = (mode) => {
+    const legs = mode.strain.filter(({ name }) => m.scene.beams.find((b) => b.name === name).channel !== null);
+    return legs.reduce((sum, { share }) => sum + share, 0);
+  };
+  const rows = m.modes.modes.map((mode, i) => [i + 1, fixed(mode.hz, 3), mode.kind, fixed(mode.modal_mass, 1), `${fixed(100 * part(mode))} %`,
+    ...mode.kinetic.map((k) => `${fixed(100 * k.share)} %`)]);
+  const head = ["#", "Hz", "kind", "modal mass, kg", "strain energy in legs", ...m.scene.bodies.map((b) => `kinetic, ${escape(b.name)}`)];
+  const loads = m.modes.leg_loads.map((l) => [escape(l.beam), fixed(l.axial_force), fixed(l.buckling_load)]);
+  return `<p>Drag to turn, scroll to zoom, point at a part for what it is.</p>
+    <div class="view"><div class="stage" id="stage"></div><div id="energies"></div></div>
+    <div class="controls"><button id="play" aria-pressed="true">moving</button><button id="rest">at rest</button>
+      <label>amplitude <input id="amplitude" type="range" min="0.01" max="0.2" step="0.005" value="0.08"></label>
+      <label><input id="names" type="checkbox" checked> names</label></div>
+    <div class="legend">${swatch(LEG, "leg")}${swatch(PIEZO, "actuator")}${swatch(FORCE, "force sensor")}${swatch(ACCELERATION, "accelerometer")}${swatch(BEAM, "other beam")}${swatch(FLOOR, "floor input, foot")}</div>
+    <h3>Modes</h3><p class="note">Slowed down, and far larger than they are. A suspension mode has its strain energy in the legs, an internal mode between the bodies.</p>
+    <div class="gallery" id="gallery"></div>${table(head, rows)}
+    <p class="note">All bodies as one rigid body, which is what the gains are designed for: ${m.modes.rigid_modes_hz.map((hz) => fixed(hz, 2)).join(", ")} Hz.</p>
+    ${loads.length ? `<h3>Under gravity</h3>${table(["beam", "axial force, N", "buckles at, N"], loads)}` : ""}`;
+}
+
+function response(m) {
+  const missing = m.not_shown.length ? `<p class="note">Not shown: ${m.not_shown.map(escape).join("; ")}.</p>` : "";
+  let tables = "";
+  if (m.closed) {
+    const d = m.closed.design;
+    const bands = d.shaped.bands.map((b) => [escape(b.name), `${short(b.low_hz)} to ${short(b.high_hz)}`, fixed(b.open_db), fixed(b.ideal_db), fixed(b.sampled_db), fixed(b.sampled_db - b.ideal_db)]);
+    const isolation = d.modes.flatMap((mode, k) => [["open", mode.open], ["ideal", mode.ideal], ["sampled", mode.sampled]].map(([name, i]) =>
+      i ? [`${k + 1}, ${fixed(mode.hz, 2)} Hz`, name, fixed(i.corner_hz, 2), `${fixed(i.peak_db)} at ${fixed(i.peak_hz, 2)} Hz`, ...i.db.map((x) => fixed(x))]
+        : [`${k + 1}, ${fixed(mode.hz, 2)} Hz`, name, "unstable", ...Array(1 + d.isolation_at_hz.length).fill("")]));
+    tables = `${table(["highest peak of σ_max(G11)", "Hz", "open, dB", "ideal, dB", "sampled, dB", "cost of sampling, dB"], bands)}
+      ${charts_of(m, "isolation")}<h3>How each mode follows its own motion of the floor</h3><p class="note">Less by so many dB.</p>
+      ${table(["mode", "", "isolates from, Hz", "highest, dB", ...d.isolation_at_hz.map((hz) => `${hz} Hz`)], isolation, 2)}`;
+  }
+  return `${waiting(m)}${charts_of(m, "sigma")}${missing}${m.closed ? tables : charts_of(m, "isolation")}`;
+}
+
+function zeros(m) {
+  const tables = m.zeros.kinds.map((kind) => {
+    const rows = kind.zeros.map((z) => [fixed(z.hz, 3), fixed(z.damping, 4), fixed(z.nearest_closed_loop_hz, 3)]);
+    const warning = kind.unstable ? `<p class="warning">A zero grows: what is left with the sensors held is unstable, and no gain of this kind can hold it.</p>` : "";
+    return `<h3>Zeros, ${kind.feedback} feedback</h3>${warning}${table(["zero, Hz", "damping", "nearest pole of the ideal loop, Hz"], rows, 0)}`;
+  });
+  let poles = "";
+  if (m.closed) {
+    const p = m.closed.poles;
+    const cell = (list, i) => (list[i] ? [fixed(list[i].hz, 4), fixed(list[i].damping, 4)] : ["", ""]);
+    const rows = Array.from({ length: Math.max(p.open.length, p.ideal.length, p.sampled.length) }, (_, i) => [...cell(p.open, i), ...cell(p.ideal, i), ...cell(p.sampled, i)]);
+    poles = `<details><summary>All poles, ${m.feedback} feedback</summary>${table(["open, Hz", "damping", "ideal, Hz", "damping", "sampled, Hz", "damping"], rows, 0)}</details>`;
+  }
+  return `${charts_of(m, "frequencies")}${tables.join("")}${poles}`;
+}
+
+function loop(m) {
+  if (!m.closed) return waiting(m);
+  const d = m.closed.design, s = d.shaped;
+  const p = s.peak_sensitivity;
+  let shaping;
+  if (s.shaping.modes) {
+    const rows = s.shaping.modes.shapes.map((x, i) => [i + 1, x.lags_hz.map((hz) => short(hz)).join(", "), short(x.zero_hz), short(x.notch.hz), fixed(x.notch.damping, 3), short(x.notch_poles.hz), fixed(x.notch_poles.damping, 3), x.split_hz === null ? "–" : short(x.split_hz)]);
+    shaping = table(["mode", "lags, Hz", "zero, Hz", "zeros, Hz", "damping", "poles, Hz", "damping", "split, Hz"], rows);
+  } else {
+    shaping = `<p>All channels: a low-pass at ${short(s.shaping.common.corner_hz)} Hz.</p>`;
+  }
+  const margins = [...d.margins.modes.map((x, i) => [`mode ${i + 1}`, x]), ["all at once", d.margins.together]];
+  const b = d.margins.bode;
+  return `${table(["peak sensitivity", ""], [["along the modes", `${fixed(p.value, 3)} at ${short(p.at)} Hz`], ["at the legs", fixed(p.at_legs, 3)], ["at the sensors", fixed(p.at_sensors, 3)],
+      ...(s.drawn ? [["on machines drawn about this one, up to", fixed(s.drawn.peak_sensitivity, 3)]] : []), ["slowest pole, 1/s", short(s.slowest_decay)]])}
+    ${charts_of(m, "loop-gain", "sensitivity", "nyquist")}
+    <h3>Disk margins</h3><p class="note">How much gain and phase may change, at once, before the loop is unstable.</p>
+    ${table(["", "α", "gain", "phase"], margins.map(([name, x]) => [name, fixed(x.disk, 2), `×${fixed(x.gain, 2)}`, `±${fixed(x.phase_deg)}°`]))}
+    <p class="note">Bode's integral: ${fixed(b.attenuation_hz, 0)} Hz of attenuation are paid for with ${fixed(b.amplification_hz, 0)} Hz of amplification; ${fixed((100 * b.amplification_hz) / b.limit_hz, 0)} % of what the bound and the delay allow is used.</p>
+    <h3>What shapes the loop</h3><p class="note">The ideal gain would be constant up to any frequency, which no delay allows; each mode is rolled off by a shape of its own. AC coupling ${short(s.ac_coupling_hz)} Hz, leak ${short(s.leak_hz)} Hz.</p>${shaping}`;
+}
+
+const DELAYS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"];
+
+function budgets(m) {
+  if (!m.closed) return waiting(m);
+  const d = m.closed.design.delay;
+  const parts = [["sample to latch", d.latch], ["half a period's hold", d.hold], ["amplifier", d.amplifier], ["sensor", d.sensor]].filter(([, s]) => s > 0);
+  const stack = parts.map(([name, s], i) => `<div style="width:${(100 * s) / d.whole}%;background:${DELAYS[i]}">${name}, ${fixed(1e6 * s)} µs</div>`).join("");
+  const f = m.closed.floor;
+  const rms = f.closed.rms.map((r, i) => [escape(r.name), r.unit, short(f.open.rms[i].rms, 3), short(r.rms, 3), ...r.shares.map((x) => `${fixed(100 * x)} %`)]);
+  const rounding = m.closed.design.rounding.map((r) => [`${short(r.hz)} Hz`, fixed(r.over_noise_db, 0), fixed(r.codes_over_noise_db, 0)]);
+  return `<h3>Delay: ${fixed(1e6 * d.whole)} µs in all</h3><div class="stack">${stack}</div>
+    <h3>Noise: where the motion comes from</h3><p class="note">rms from ${short(f.low_hz)} to ${short(f.high_hz)} Hz on a floor of ${escape(f.floor)}; shares are of the closed loop's power.</p>
+    ${table(["", "unit", "open", "closed", ...f.sources.map((s) => `from ${escape(s)}`)], rms, 2)}
+    <h3>Arithmetic</h3><p class="note">What single precision and the DAC's codes add, over sensor noise: below 0 dB it is lost in it.</p>
+    ${table(["at", "single precision, dB", "codes, dB"], rounding)}`;
+}
+
+function vibration(m) {
+  if (!m.closed) return waiting(m);
+  const f = m.closed.floor;
+  const meets = (side) => side.criterion ?? "none of VC-A to VC-G";
+  const rows = f.closed.thirds.map((t, i) => [fixed(t.hz), short(1e6 * f.open.thirds[i].velocity, 3), short(1e6 * t.velocity, 3), t.dominant]);
+  return `<p>On a floor of ${escape(f.floor)} the frame meets ${meets(f.open)} without control and ${meets(f.closed)} with it.</p>${charts_of(m, "vibration", "spectrum")}
+    <details><summary>One-third octaves</summary>${table(["Hz", "open, µm/s", "closed, µm/s", "closed mostly from"], rows, 0)}</details>`;
+}
+
+function time(m) {
+  if (!m.closed) return waiting(m);
+  const s = m.closed.simulation;
+  const rows = s.outputs.map((name, i) => [escape(name), short(s.open.rms[i], 3), short(s.closed.rms[i], 3), short(s.open.peak[i], 3), short(s.closed.peak[i], 3), fixed(20 * Math.log10(s.closed.rms[i] / s.open.rms[i]))]);
+  return `${charts_of(m, "close-up", "forces")}<h3>${short(s.duration_s)} s of the closed loop</h3>
+    <p class="note">Floor of ${short(s.floor_rms)} m/s² rms on each input, ${s.floor_band_hz.map((x) => short(x)).join(" to ")} Hz, seed ${s.seed}. Clamped in ${s.closed.clamped_steps}, a sensor at a rail in ${s.closed.railed_steps} of ${s.closed.steps} steps; largest force ${fixed(s.closed.force_peak)} N.</p>
+    ${table(["m/s²", "rms open", "rms closed", "peak open", "peak closed", "rms, dB"], rows)}`;
+}
+
+function gains(m) {
+  const first = m.gains[0];
+  const kind = (g) => {
+    const [p, i] = g.feedback === "force" ? ["K_P (Eq. 22)", "K_I, 1/s (Eq. 22)"] : ["K_a, N/(m/s²) (Eq. 19)", "K_v, N/(m/s) (Eq. 20)"];
+    return `<h3>${g.feedback} feedback</h3><p class="note">Rows are legs, columns sensors.</p>${matrix(p, g.proportional, g.sensors, g.actuators)}${matrix(i, g.integral, g.sensors, g.actuators)}${matrix("T_c (Eq. 15)", g.sensing)}`;
+  };
+  return `<p>The ideal gains for ${short(m.frequency_hz)} Hz and damping ${short(m.damping)}. Shaded by size, blue positive, orange negative. The board runs them mode by mode, with the shapes above.</p>
+    ${m.gains.map(kind).join("")}<details><summary>The design model</summary>
+    ${matrix("M_d, kg (Eq. 13)", first.mass, first.actuators, first.actuators)}${matrix("K_d, N/m (Eq. 13)", first.stiffness, first.actuators, first.actuators)}${matrix("S, 1/√kg (Eq. 17)", first.modal, null, first.actuators)}</details>`;
+}
+
+function assumptions(m) {
+  const rows = m.statements.map((s) => [s.kind, escape(s.from), s.entries.map((e) => `<code>${escape(e)}</code>`).join(", ")]);
+  const none = `<p class="warning">The file does not say what its numbers rest on: see [[provenance]] in docs/machine-file.md.</p>`;
+  const model = ["Small motions about the position drawn; bodies are rigid, beams massless.", "The base is rigid and moves as its six inputs do.", "Between samples the floor's acceleration is straight; outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; a piezo's hysteresis is not in the model.",
+    m.modes.leg_loads.length ? "Gravity acts, and static loads change the stiffness." : "No gravity: the file does not ask for it."];
+  return `${rows.length ? table(["", "from", "numbers"], rows, 3) : none}<h3>What the model takes for granted</h3><ul>${model.map((x) => `<li>${x}</li>`).join("")}</ul>`;
+}
+
+function file(m) {
+  return m.files.map((f) => `<details><summary>${escape(f.path)}</summary><pre>${escape(f.text)}</pre></details>`).join("") +
+    table(["", ""], [["model, SHA-256", `<code>${m.model_sha256}</code>`], ...(m.closed ? [["table's checksum", `<code>${m.closed.table_checksum.toString(16).padStart(8, "0")}</code>, format ${m.closed.table_format}`]] : []),
+      ["host-gen", review.version], ["charts, 3D", `plotly.js ${Plotly.version}, three.js ${THREE.REVISION}`]], 2);
+}
+
+const SECTIONS = [
+  ["glance", "At a glance", glance], ["machine", "The machine", machine], ["response", "From the floor", response], ["zeros", "Zeros", zeros],
+  ["loop", "The loop", loop], ["budgets", "Budgets", budgets], ["vibration", "Vibration", vibration], ["time", "In time", time],
+  ["gains", "Gains", gains], ["assumptions", "Assumptions", assumptions], ["file", "File and versions", file],
+];
+
+// ---- machines side by side
+
+function side_by_side(both) {
+  const { names, differences } = both;
+  const columns = both.compared.machines;
+  const list = (key) => columns.map((c) => c[key].map((hz) => fixed(hz, 2)).join(", ") || "–");
+  const shaped = (cell) => columns.map((c) => (c.shaped ? cell(c.shaped) : "not reached"));
+  const bands = [...new Set(columns.flatMap((c) => (c.shaped ? c.shaped.bands.map((b) => b.name) : [])))];
+  const level = (name, key) => shaped((s) => fixed(s.bands.find((b) => b.name === name)?.[key]));
+  const rows = [
+    ["feedback", ...columns.map((c) => c.feedback)],
+    ["suspension modes, Hz", ...list("suspension_hz")], ["internal modes, Hz", ...list("internal_hz")],
+    ["zeros, acceleration feedback, Hz", ...list("acceleration_zeros_hz")], ["zeros, force feedback, Hz", ...list("force_zeros_hz")],
+    ["largest proportional gain", ...columns.map((c) => short(c.largest_gain))],
+    ["peak sensitivity", ...shaped((s) => fixed(s.peak_sensitivity.value, 3))],
+    ["isolates from, Hz", ...shaped((s) => fixed(s.isolation_from_hz, 2))],
+    ...bands.flatMap((name) => [["open", "open_db"], ["ideal", "ideal_db"], ["sampled", "sampled_db"]].map(([what, key]) => [`σ_max(G11), ${escape(name)}, ${what}, dB`, ...level(name, key)])),
+  ];
+  const settings = differences.map(([key, values]) => [`<code>${escape(key)}</code>`, ...values.map((v) => (v === null ? "–" : `<code>${escape(v)}</code>`))]);
+  return `<section id="compared"><h2>Side by side</h2>${table(["", ...names.map(escape)], rows, 1 + names.length)}
+    <h3>Settings that differ</h3>${settings.length ? table(["", ...names.map(escape)], settings, 1 + names.length) : "<p>None: the files say the same.</p>"}
+    ${both.charts.map(chart).join("")}</section>`;
+}
+
+// ---- the page
+
+function three_d(m) {
+  const host = document.getElementById("stage");
+  const energies = document.getElementById("energies");
+  const gallery = document.getElementById("gallery");
+  if (!document.createElement("canvas").getContext("webgl2")) {
+    host.textContent = "The picture needs WebGL 2, which this browser does not have.";
+    return;
+  }
+  const stage = new Stage(host, m);
+  window.stage = stage;
+  const pictures = stage.pictures();
+  gallery.innerHTML = m.modes.modes.map((mode, i) => `<button data-mode="${i}"><img src="${pictures[i]}" alt="mode ${i + 1}">${i + 1}: ${fixed(mode.hz, 2)} Hz<small>${mode.kind}</small></button>`).join("");
+  const show = (index) => {
+    stage.show(index);
+    for (const button of gallery.children) button.setAttribute("aria-pressed", Number(button.dataset.mode) === index);
+    const mode = m.modes.modes[index];
+    energies.innerHTML = index === null ? "" : `<b>Mode ${index + 1}: ${fixed(mode.hz, 3)} Hz</b><br>${mode.kind}, modal mass ${fixed(mode.modal_mass, 1)} kg${bars("Strain energy", mode.strain)}${bars("Kinetic energy", mode.kinetic)}`;
+  };
+  gallery.addEventListener("click", (event) => {
+    const button = event.target.closest("button");
+    if (button) show(Number(button.dataset.mode));
+  });
+  const play = document.getElementById("play");
+  play.onclick = () => {
+    stage.playing = !stage.playing;
+    play.setAttribute("aria-pressed", stage.playing);
+    play.textContent = stage.playing ? "moving" : "still";
+  };
+  document.getElementById("rest").onclick = () => show(null);
+  document.getElementById("amplitude").oninput = (event) => {
+    stage.amplitude = Number(event.target.value);
+    stage.pose(stage.factor);
+  };
+  document.getElementById("names").onchange = (event) => stage.names(event.target.checked);
+  show(0);
+  stage.run();
+}
+
+function show_machine(index) {
+  const m = review.machines[index];
+  const host = document.getElementById("sections");
+  for (const place of host.querySelectorAll("[data-chart]")) Plotly.purge(place);
+  host.innerHTML = SECTIONS.map(([id, title, body]) => `<section id="${id}"><h2>${title}</h2>${body(m)}</section>`).join("");
+  draw_charts(host, m.charts);
+  three_d(m);
+  for (const [i, button] of [...document.querySelectorAll(".tabs button")].entries()) button.setAttribute("aria-pressed", i === index);
+}
+
+function start() {
+  const both = review.side_by_side;
+  const names = both ? both.names : review.machines.map((m) => m.machine);
+  document.getElementById("title").textContent = names.join(" · ");
+  const [m] = review.machines;
+  document.getElementById("subtitle").textContent = both
+    ? `${names.length} machines on six hard mounts, side by side`
+    : `A machine on six hard mounts, ${m.feedback} feedback for ${short(m.frequency_hz)} Hz. Model ${m.model_sha256.slice(0, 12)}.`;
+  const links = [...(both ? [["compared", "Side by side"]] : []), ...SECTIONS];
+  document.getElementById("contents").innerHTML = links.map(([id, title]) => `<a href="#${id}">${title}</a>`).join("");
+  const tabs = both ? `<div class="tabs">${names.map((n, i) => `<button data-machine="${i}">${escape(n)}</button>`).join("")}</div>` : "";
+  const main = document.getElementById("main");
+  main.innerHTML = `${both ? side_by_side(both) : ""}${tabs}<div id="sections"></div>`;
+  if (both) {
+    draw_charts(document.getElementById("compared"), both.charts);
+    main.querySelector(".tabs").onclick = (event) => {
+      const button = event.target.closest("button");
+      if (button) show_machine(Number(button.dataset.machine));
+    };
+  }
+  document.getElementById("footer").textContent = `hardmount ${review.version}. Equations are those of J. van Dijk, "Mechatronic Design of Hard-Mount Concepts for Precision Equipment".`;
+  show_machine(0);
+}
+
+// Paper is narrower than the screen, and shows what is folded.
+const each_chart = () => document.querySelectorAll("[data-chart]").forEach((place) => Plotly.Plots.resize(place));
+window.addEventListener("beforeprint", () => {
+  document.querySelectorAll("details:not(#file details)").forEach((fold) => (fold.open = true));
+  each_chart();
+});
+window.addEventListener("afterprint", each_chart);
+
+start();
