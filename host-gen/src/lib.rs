@@ -5,6 +5,7 @@
 //! | module | from | to |
 //! |---|---|---|
 //! | [`machine`] | a TOML file | nodes, bodies, beams, board, checked |
+//! | [`outline`] | a few numbers | the text of a machine file |
 //! | [`multibody`] | the machine | M, K, q_d, M_r, B_0 and the modes |
 //! | [`statics`], [`energy`] | the machine, its modes | loads under gravity, where modes have their energy |
 //! | [`design`] | the rigid design model | K_a, K_v or K_P, K_I |
@@ -48,6 +49,7 @@ pub mod link;
 pub mod machine;
 pub mod margins;
 pub mod multibody;
+pub mod outline;
 pub mod output;
 pub mod plant;
 pub mod report;

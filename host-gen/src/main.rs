@@ -9,14 +9,19 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use anstyle::{AnsiColor, Style};
+use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use command::link::LinkArguments;
+use command::new::NewArguments;
 use command::report::ReportArguments;
 use command::sil::SilArguments;
+use command::watch::WatchArguments;
 use host_gen::campaign::Defect;
 use host_gen::export::{Generalised, matrix_market};
 use host_gen::frf::FrfError;
 use host_gen::link::LinkError;
+use host_gen::machine::schema::schema;
 use host_gen::machine::{Machine, MachineError};
 use host_gen::output::analysis::{Compared, Frequencies, PlantMatrices, Poles, Zeros, both_kinds};
 use host_gen::output::design::Designed;
@@ -45,6 +50,21 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Writes a machine file from a few questions, or from flags.
+    ///
+    /// Example: host-gen new scanner --frame-mass 300 --payload-mass 120 --yes
+    New(NewArguments),
+    /// The JSON Schema of machine files, for editors.
+    ///
+    /// Example: host-gen schema > machine.schema.json
+    Schema,
+    /// What a shell needs to complete commands and options.
+    ///
+    /// Example: host-gen completions bash > ~/.local/share/bash-completion/completions/host-gen
+    Completions {
+        /// Which.
+        shell: Shell,
+    },
     /// Natural frequencies and mode shapes, and M_d, D_d, K_d, M_r, B_0.
     ///
     /// Example: host-gen modes models/metrology-frame.toml
@@ -96,6 +116,10 @@ enum Command {
     ///
     /// Example: host-gen report models/metrology-frame.toml
     Report(ReportArguments),
+    /// The same page in a browser, up to date as the machine file is saved.
+    ///
+    /// Example: host-gen watch models/metrology-frame.toml
+    Watch(WatchArguments),
     /// Whether a table is what the machine file gives.
     ///
     /// Example: host-gen check models/metrology-frame.toml
@@ -288,6 +312,12 @@ enum Failure {
     Fault(String),
     #[error(transparent)]
     Plot(#[from] PlotError),
+    #[error("--{flag} must be finite and at least {least}")]
+    Least { flag: &'static str, least: f64 },
+    #[error("--leg-angle must be at most 89: upright legs do not hold the machine sideways")]
+    Upright,
+    #[error("{0} exists already: give --output, or another name")]
+    Exists(String),
     #[error("--to must be finite and above --from")]
     Range,
     #[error("--{0} must be positive and finite")]
@@ -304,7 +334,8 @@ fn main() -> ExitCode {
     match run(&Cli::parse().command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {failure}");
+            const ERROR: Style = AnsiColor::Red.on_default().bold();
+            anstream::eprintln!("{ERROR}error:{ERROR:#} {failure}");
             ExitCode::FAILURE
         }
     }
@@ -312,6 +343,13 @@ fn main() -> ExitCode {
 
 fn run(command: &Command) -> Result<(), Failure> {
     match command {
+        Command::New(arguments) => command::new::new(arguments),
+        Command::Schema => print_text(&schema()),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "host-gen", &mut script);
+            print_text(&String::from_utf8_lossy(&script))
+        }
         Command::Modes(common) => print(common.format, &Modes::new(&study(&common.model)?)),
         Command::Gains(common) => print(common.format, &Gains::new(&study(&common.model)?)),
         Command::Zeros(common) => {
@@ -342,6 +380,7 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Design(arguments) => design(arguments),
         Command::Generate(arguments) => generate(arguments),
         Command::Report(arguments) => command::report::report(arguments),
+        Command::Watch(arguments) => command::watch::watch(arguments),
         Command::Check(arguments) => check(arguments),
         Command::Simulate(arguments) => simulate(arguments),
         Command::Campaign(arguments) => campaign(arguments),
@@ -727,7 +766,12 @@ fn print<T: Display + Serialize>(format: Format, result: &T) -> Result<(), Failu
             serde_json::to_string_pretty(result).expect("numbers and strings serialise") + "\n"
         }
     };
-    match io::stdout().write_all(text.as_bytes()) {
+    print_text(&text)
+}
+
+fn print_text(text: &str) -> Result<(), Failure> {
+    // Colours go on to a terminal only.
+    match anstream::stdout().write_all(text.as_bytes()) {
         // Whoever reads has seen enough.
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         Err(error) => Err(Failure::Io {

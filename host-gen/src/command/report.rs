@@ -10,7 +10,7 @@ use host_gen::report::plots::{csv, png, svg};
 use host_gen::report::{Report, Review};
 use host_gen::spectrum::Criterion;
 
-use crate::{Failure, in_study, machines, search_bar, write_whole};
+use crate::{Failure, Format, in_study, machines, print_text, search_bar, write_whole};
 
 #[derive(Args)]
 pub struct ReportArguments {
@@ -20,6 +20,9 @@ pub struct ReportArguments {
     /// Each machine once with every kind of feedback it has sensors for.
     #[arg(long)]
     by_feedback: bool,
+    /// What to make: the page, or JSON on standard output.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     /// The page's file [default: NAME-report.html].
     #[arg(long)]
     output: Option<PathBuf>,
@@ -47,6 +50,9 @@ pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
     };
     if let Some(folder) = &arguments.plots {
         plots(&review, folder)?;
+    }
+    if arguments.format == Format::Json {
+        return print_text(&(review.json() + "\n"));
     }
     write_whole(&path, page(&review).as_bytes())?;
     println!("{}: open it in a browser", path.display());
@@ -76,7 +82,8 @@ fn plots(review: &Review, folder: &Path) -> Result<(), Failure> {
         write("png", &png(chart, &picture)?)?;
         write("csv", csv(chart).as_bytes())?;
     }
-    println!(
+    // Standard output may be for JSON.
+    eprintln!(
         "{}: {} charts, each as SVG, PNG and CSV",
         folder.display(),
         pictures.len()

@@ -4,15 +4,18 @@
 //! may stand where; [`super::Machine`] is what has been checked.
 
 use indexmap::IndexMap;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The whole file.
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct File {
     /// Layout of the file; 1.
+    #[schemars(range(min = 1, max = 1))]
     pub format: u32,
     /// What the machine is called.
+    #[schemars(regex(pattern = "^[a-z][a-z0-9-]*$"))]
     pub name: String,
     /// Acceleration of gravity, m/s²; none if not given.
     #[serde(default)]
@@ -60,7 +63,7 @@ pub struct File {
 }
 
 /// `[base]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Base {
     /// Nodes that move with the base.
@@ -68,10 +71,11 @@ pub struct Base {
 }
 
 /// `[bodies.NAME]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
     /// kg.
+    #[schemars(range(min = 0))]
     pub mass: f64,
     /// About the body's own centre of gravity, kg m²: `[Ixx, Iyy, Izz]`, or
     /// the full tensor as three rows.
@@ -83,7 +87,7 @@ pub struct Body {
 }
 
 /// Inertia in either notation.
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(
     untagged,
     expecting = "inertia is three principal moments [Ixx, Iyy, Izz] or three rows of the tensor, kg m²"
@@ -97,7 +101,7 @@ pub enum Inertia {
 
 /// `[profiles.NAME]`, or given with the beam: either the end stiffnesses or
 /// material and section.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
     /// EA/L, N/m.
@@ -124,7 +128,7 @@ pub struct Profile {
 }
 
 /// `[beams.NAME]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Beam {
     /// From the first to the second; e1 grows as they part.
@@ -138,7 +142,7 @@ pub struct Beam {
 }
 
 /// `[coordinates]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Coordinates {
     /// `"BEAM.e1"` to `"BEAM.e6"`.
@@ -146,7 +150,7 @@ pub struct Coordinates {
 }
 
 /// `[actuators]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Actuators {
     /// The six legs, in channel order.
@@ -154,7 +158,7 @@ pub struct Actuators {
 }
 
 /// `[sensors]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensors {
     /// Accelerometers, in channel order.
@@ -166,7 +170,7 @@ pub struct Sensors {
 }
 
 /// A direction at a node.
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct NodeDirection {
     /// Where.
@@ -176,7 +180,7 @@ pub struct NodeDirection {
 }
 
 /// A force sensor in a leg.
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForceSensor {
     /// Which.
@@ -184,7 +188,7 @@ pub struct ForceSensor {
 }
 
 /// `[floor]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Floor {
     /// Six directions at base nodes, which fix the motion of the rigid base.
@@ -192,7 +196,7 @@ pub struct Floor {
 }
 
 /// `[performance]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Performance {
     /// Second time derivatives of deformations, `"BEAM.e1"` to `"BEAM.e6"`.
@@ -207,7 +211,7 @@ pub struct Performance {
 }
 
 /// `[damping]`
-#[derive(Debug, Default, Deserialize, Serialize)]
+#[derive(Debug, Default, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Damping {
     /// Relative damping of every mode.
@@ -217,7 +221,7 @@ pub struct Damping {
 }
 
 /// `[control]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Control {
     /// `"acceleration"`, `"force"` or `"both"`.
@@ -238,7 +242,7 @@ pub struct Control {
 }
 
 /// How sensors become forces.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum LawName {
     /// Through the modes, each shaped by itself.
@@ -249,7 +253,7 @@ pub enum LawName {
 }
 
 /// What the shaping makes small.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Minimise {
     /// The peaks of σ_max(G11) in the bands of `performance`.
@@ -264,7 +268,7 @@ fn two() -> f64 {
 }
 
 /// What the loop feeds back.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Feedback {
     /// Frame accelerations (Eq. 12).
@@ -287,10 +291,11 @@ impl Feedback {
 }
 
 /// `[board]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Board {
     /// Hz.
+    #[schemars(range(min = 0))]
     pub sample_rate: f64,
     /// From the sampling instant until the code is read, s.
     pub conversion_delay: f64,
@@ -309,10 +314,11 @@ pub struct Board {
 }
 
 /// `[board.adc]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adc {
     /// 8 to 16.
+    #[schemars(range(min = 8, max = 16))]
     pub bits: u32,
     /// ±, V.
     pub range: f64,
@@ -322,10 +328,11 @@ pub struct Adc {
 }
 
 /// `[board.dac]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dac {
     /// 8 to 16.
+    #[schemars(range(min = 8, max = 16))]
     pub bits: u32,
     /// Low and high end, V; the middle is no force.
     pub range: [f64; 2],
@@ -335,7 +342,7 @@ pub struct Dac {
 }
 
 /// `[board.accelerometer]`, `[board.force_sensor]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {
     /// V per m/s² or V per N, amplifier included.
@@ -351,7 +358,7 @@ pub struct Sensor {
 }
 
 /// `[board.actuator]`
-#[derive(Debug, Deserialize, Serialize)]
+#[derive(Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Actuator {
     /// N per V at the DAC.
@@ -363,7 +370,7 @@ pub struct Actuator {
 }
 
 /// `[supervision]`
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Supervision {
     /// Soft start and stop, s.
@@ -451,7 +458,7 @@ impl Default for Supervision {
 }
 
 /// `[simulation]`
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Simulation {
     /// Measured time, s.
@@ -479,7 +486,7 @@ impl Default for Simulation {
 }
 
 /// `[robustness]`
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Robustness {
     /// Bodies whose mass and centre of gravity vary; those without a leg if
@@ -511,7 +518,7 @@ impl Default for Robustness {
 }
 
 /// `[[provenance]]`
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Keys of this file, such as `"nodes.n3"` or `"bodies.lens.cog"`; a key
@@ -524,7 +531,7 @@ pub struct Provenance {
 }
 
 /// How sure a number is.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Certainty {
     /// A source states it.

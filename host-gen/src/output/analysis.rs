@@ -9,6 +9,7 @@ use serde::Serialize;
 use shared::LEGS;
 use shared::table::ValidTable;
 
+use super::aligned::{TITLE, WARNING, write_table};
 use super::{Pole, Rows, digest, rows};
 use crate::closed_loop::{SampledLoop, close_ideal, grid, stable};
 use crate::design::ideal_poles;
@@ -101,7 +102,7 @@ impl Display for Zeros {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "Transmission zeros of {}, leg forces to sensors (G22)",
+            "{TITLE}Transmission zeros of {}, leg forces to sensors (G22){TITLE:#}",
             self.machine
         )?;
         writeln!(
@@ -125,7 +126,7 @@ impl Display for Zeros {
             if kind.unstable {
                 writeln!(
                     f,
-                    "    Warning: a zero grows. What is left with the sensors held is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can hold it."
+                    "    {WARNING}Warning:{WARNING:#} a zero grows. What is left with the sensors held is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can hold it."
                 )?;
             }
         }
@@ -184,7 +185,11 @@ impl Poles {
 
 impl Display for Poles {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(f, "Poles of {}, {} feedback", self.machine, self.feedback)?;
+        writeln!(
+            f,
+            "{TITLE}Poles of {}, {} feedback{TITLE:#}",
+            self.machine, self.feedback
+        )?;
         let length = self
             .open
             .len()
@@ -332,7 +337,7 @@ impl Display for Sigma {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "σ_max(G11) of {}, dB, at the peaks of each curve",
+            "{TITLE}σ_max(G11) of {}, dB, at the peaks of each curve{TITLE:#}",
             self.machine
         )?;
         for curve in &self.curves {
@@ -412,7 +417,7 @@ impl Display for Robustness {
         let r = &self.result;
         writeln!(
             f,
-            "The controller of {} on {} machines about it",
+            "{TITLE}The controller of {} on {} machines about it{TITLE:#}",
             self.machine, r.samples
         )?;
         writeln!(
@@ -517,7 +522,11 @@ impl PlantMatrices {
 
 impl Display for PlantMatrices {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(f, "Generalised plant of {} (Fig. 4)", self.machine)?;
+        writeln!(
+            f,
+            "{TITLE}Generalised plant of {} (Fig. 4){TITLE:#}",
+            self.machine
+        )?;
         writeln!(f, "  inputs: {}", self.inputs.join(" "))?;
         for kind in &self.kinds {
             writeln!(
@@ -609,49 +618,48 @@ impl Column {
 
 impl Display for Compared {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let line = |f: &mut Formatter<'_>, title: &str, cell: &dyn Fn(&Column) -> String| {
-            write!(f, "{title:<34}")?;
-            for column in &self.machines {
-                write!(f, " {:>18}", cell(column))?;
-            }
-            writeln!(f)
+        let mut rows = Vec::new();
+        let line = |rows: &mut Vec<Vec<String>>, title: &str, cell: &dyn Fn(&Column) -> String| {
+            let title = [title.to_owned()].into_iter();
+            rows.push(title.chain(self.machines.iter().map(cell)).collect());
         };
-        line(f, "", &|c| c.machine.clone())?;
-        line(f, "feedback", &|c| c.feedback.to_owned())?;
-        let list = |f: &mut Formatter<'_>, title: &str, of: &dyn Fn(&Column) -> &[f64]| {
+        line(&mut rows, "", &|c| c.machine.clone());
+        line(&mut rows, "feedback", &|c| c.feedback.to_owned());
+        let list = |rows: &mut Vec<_>, title: &str, of: &dyn Fn(&Column) -> &[f64]| {
             let longest = self.machines.iter().map(|c| of(c).len()).max();
             for i in 0..longest.unwrap_or(0) {
                 let title = if i == 0 { title } else { "" };
-                line(f, title, &|c| {
+                line(rows, title, &|c| {
                     of(c).get(i).map_or_else(String::new, |x| format!("{x:.3}"))
-                })?;
+                });
             }
-            Ok(())
         };
-        list(f, "suspension modes, Hz", &|c| &c.suspension_hz)?;
-        list(f, "internal modes, Hz", &|c| &c.internal_hz)?;
-        list(f, "design model, Hz", &|c| &c.rigid_modes_hz)?;
-        list(f, "zeros, acceleration feedback, Hz", &|c| {
+        list(&mut rows, "suspension modes, Hz", &|c| &c.suspension_hz);
+        list(&mut rows, "internal modes, Hz", &|c| &c.internal_hz);
+        list(&mut rows, "design model, Hz", &|c| &c.rigid_modes_hz);
+        list(&mut rows, "zeros, acceleration feedback, Hz", &|c| {
             &c.acceleration_zeros_hz
-        })?;
-        list(f, "zeros, force feedback, Hz", &|c| &c.force_zeros_hz)?;
-        line(f, "largest proportional gain", &|c| {
+        });
+        list(&mut rows, "zeros, force feedback, Hz", &|c| {
+            &c.force_zeros_hz
+        });
+        line(&mut rows, "largest proportional gain", &|c| {
             format!("{:.4e}", c.largest_gain)
-        })?;
+        });
         let of_loop = |c: &Column, cell: &dyn Fn(&Shaped) -> String| {
             c.shaped
                 .as_ref()
                 .map_or_else(|| "not reached".to_owned(), cell)
         };
-        line(f, "peak sensitivity", &|c| {
+        line(&mut rows, "peak sensitivity", &|c| {
             of_loop(c, &|r| format!("{:.3}", r.peak_sensitivity.value))
-        })?;
-        line(f, "isolates from, Hz", &|c| {
+        });
+        line(&mut rows, "isolates from, Hz", &|c| {
             of_loop(c, &|r| format!("{:.2}", r.isolation_from_hz))
-        })?;
-        line(f, "the same, ideal loop, Hz", &|c| {
+        });
+        line(&mut rows, "the same, ideal loop, Hz", &|c| {
             of_loop(c, &|r| format!("{:.2}", r.isolation_from_ideal_hz))
-        })?;
+        });
         let bands = self.machines.iter().filter_map(|c| c.shaped.as_ref());
         let names: Vec<_> = bands
             .flat_map(|r| r.bands.iter().map(|band| band.name.clone()))
@@ -668,14 +676,18 @@ impl Display for Compared {
                 ("sampled", |band| band.sampled_db),
             ];
             for (what, value) in values {
-                line(f, &format!("σ_max(G11), {name}, {what}, dB"), &|c| {
-                    of_loop(c, &|r| {
-                        let band = r.bands.iter().find(|band| band.name == name);
-                        band.map_or_else(String::new, |band| format!("{:.1}", value(band)))
-                    })
-                })?;
+                line(
+                    &mut rows,
+                    &format!("σ_max(G11), {name}, {what}, dB"),
+                    &|c| {
+                        of_loop(c, &|r| {
+                            let band = r.bands.iter().find(|band| band.name == name);
+                            band.map_or_else(String::new, |band| format!("{:.1}", value(band)))
+                        })
+                    },
+                );
             }
         }
-        Ok(())
+        write_table(f, 0, 1, rows)
     }
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 use shared::LEGS;
 use shared::table::ValidTable;
 
+use super::aligned::TITLE;
 use super::{digest, write_shaped};
 use crate::closed_loop::{SampledLoop, close_ideal, corner, grid, stable};
 use crate::design::ideal_poles;
@@ -217,7 +218,11 @@ fn other_boards(machine: &Machine, progress: &(dyn Fn() + Sync)) -> Result<Vec<C
 
 impl Display for Designed {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(f, "Design of {}, {} feedback", self.machine, self.feedback)?;
+        writeln!(
+            f,
+            "{TITLE}Design of {}, {} feedback{TITLE:#}",
+            self.machine, self.feedback
+        )?;
         write_shaped(f, &self.shaped)?;
         let micro = |s: f64| 1e6 * s;
         let Delay {
@@ -229,14 +234,17 @@ impl Display for Designed {
         } = &self.delay;
         writeln!(
             f,
-            "Delay, µs: sample to latch {:.1}, hold {:.1}, amplifier {:.1}, sensor {:.1}; whole {:.1}",
+            "{TITLE}Delay, µs:{TITLE:#} sample to latch {:.1}, hold {:.1}, amplifier {:.1}, sensor {:.1}; whole {:.1}",
             micro(*latch),
             micro(*hold),
             micro(*amplifier),
             micro(*sensor),
             micro(*whole)
         )?;
-        writeln!(f, "How each mode follows its own motion of the floor")?;
+        writeln!(
+            f,
+            "{TITLE}How each mode follows its own motion of the floor{TITLE:#}"
+        )?;
         write!(
             f,
             "                    corner  highest            less by, dB, at"
@@ -268,7 +276,10 @@ impl Display for Designed {
                 writeln!(f)?;
             }
         }
-        writeln!(f, "Disk margins          α     gain    phase")?;
+        writeln!(
+            f,
+            "{TITLE}Disk margins{TITLE:#}          α     gain    phase"
+        )?;
         let margins = self.margins.modes.iter().enumerate();
         let all = margins
             .map(|(k, margin)| (format!("mode {}", k + 1), margin))
@@ -283,7 +294,7 @@ impl Display for Designed {
         let bode = &self.margins.bode;
         writeln!(
             f,
-            "Bode's integral, mean of the modes: {:.0} Hz of attenuation, {:.0} Hz of amplification;",
+            "{TITLE}Bode's integral, mean of the modes:{TITLE:#} {:.0} Hz of attenuation, {:.0} Hz of amplification;",
             bode.attenuation_hz, bode.amplification_hz
         )?;
         writeln!(

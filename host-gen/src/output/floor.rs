@@ -4,6 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::Serialize;
 
+use super::aligned::{TITLE, cells, write_table};
 use super::digest;
 use crate::spectrum::{Budget, Criterion, Powers, SOURCES};
 use crate::study::Study;
@@ -153,25 +154,20 @@ impl Display for Floors {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{} on the floor {}, {} to {} Hz, {} feedback",
+            "{TITLE}{} on the floor {}, {} to {} Hz, {} feedback{TITLE:#}",
             self.machine, self.floor, self.low_hz, self.high_hz, self.feedback
         )?;
-        write!(f, "  rms               unit        open     closed   ")?;
-        for source in self.sources {
-            write!(f, "{source:>9}")?;
-        }
-        writeln!(f, "  of the closed loop's power")?;
-        for (open, closed) in self.open.rms.iter().zip(&self.closed.rms) {
-            write!(
-                f,
-                "  {:<16}  {:<5} {:>10.2e} {:>10.2e}   ",
-                closed.name, closed.unit, open.rms, closed.rms
-            )?;
-            for share in closed.shares {
-                write!(f, "{:>7.1} %", 100.0 * share)?;
-            }
-            writeln!(f)?;
-        }
+        let mut head = cells(["rms", "unit", "open", "closed"]);
+        head.extend(self.sources.map(|source| format!("from {source}")));
+        let sides = self.open.rms.iter().zip(&self.closed.rms);
+        let rows = sides.map(|(open, closed)| {
+            let mut row = cells([&closed.name, closed.unit]);
+            row.extend([open.rms, closed.rms].map(|x| format!("{x:.2e}")));
+            row.extend(closed.shares.map(|share| format!("{:.1} %", 100.0 * share)));
+            row
+        });
+        write_table(f, 2, 2, [head].into_iter().chain(rows))?;
+        writeln!(f, "  The shares are of the closed loop's power.")?;
         writeln!(
             f,
             "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   closed mostly from"

@@ -2,6 +2,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
+use aligned::{TITLE, WARNING, cells, write_table};
 use nalgebra::{Complex, Dim, Matrix, RawStorage};
 use serde::Serialize;
 
@@ -17,6 +18,7 @@ use crate::statics::buckling_load;
 use crate::study::Study;
 use crate::zeros::{grow, transmission_zeros};
 
+mod aligned;
 pub mod analysis;
 pub mod campaign;
 pub mod design;
@@ -160,7 +162,7 @@ impl Modes {
 
 impl Display for Modes {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(f, "Modes of {}", self.machine)?;
+        writeln!(f, "{TITLE}Modes of {}{TITLE:#}", self.machine)?;
         writeln!(
             f,
             "  Shapes: x, y, z of each centre of gravity, then rotations times {:.2} m; largest 1.",
@@ -202,22 +204,17 @@ impl Display for Modes {
         }
         writeln!(f)?;
         if !self.leg_loads.is_empty() {
-            writeln!(f, "  Under gravity        axial force, N   buckles at, N")?;
-        }
-        for load in &self.leg_loads {
-            let LegLoad {
-                beam,
-                axial_force,
-                buckling_load,
-            } = load;
-            write!(
-                f,
-                "    {beam:<16} {axial_force:>16.1} {buckling_load:>15.1}"
-            )?;
-            if -axial_force > *buckling_load {
-                write!(f, "   buckles")?;
-            }
-            writeln!(f)?;
+            let head = cells(["Under gravity", "axial force, N", "buckles at, N", ""]);
+            let rows = self.leg_loads.iter().map(|load| {
+                let buckles = -load.axial_force > load.buckling_load;
+                vec![
+                    load.beam.clone(),
+                    format!("{:.1}", load.axial_force),
+                    format!("{:.1}", load.buckling_load),
+                    if buckles { "buckles" } else { "" }.to_owned(),
+                ]
+            });
+            write_table(f, 2, 1, [head].into_iter().chain(rows))?;
         }
         if self.modes.first().is_some_and(|mode| mode.hz < 0.0) {
             writeln!(
@@ -314,13 +311,18 @@ impl Gains {
         };
         writeln!(
             f,
-            "Gains for {} feedback, {} Hz, damping {}",
+            "{TITLE}Gains for {} feedback, {} Hz, damping {}{TITLE:#}",
             self.feedback, self.frequency_hz, self.damping
         )?;
-        writeln!(f, "  columns: {}", self.sensors.join(" "))?;
-        writeln!(f, "  rows:    {}", self.actuators.join(" "))?;
-        write_rows(f, &format!("  {p}"), &self.proportional)?;
-        write_rows(f, &format!("  {i}"), &self.integral)
+        for (title, gains) in [(p, &self.proportional), (i, &self.integral)] {
+            let head = [title.to_owned()].into_iter().chain(self.sensors.clone());
+            let rows = self.actuators.iter().zip(gains).map(|(leg, row)| {
+                let gains = row.iter().map(|x| format!("{x:.4e}"));
+                [leg.clone()].into_iter().chain(gains).collect()
+            });
+            write_table(f, 2, 1, [head.collect()].into_iter().chain(rows))?;
+        }
+        Ok(())
     }
 }
 
@@ -340,7 +342,7 @@ impl Display for Gains {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "Design model of {}: all bodies as one rigid body",
+            "{TITLE}Design model of {}: all bodies as one rigid body{TITLE:#}",
             self.machine
         )?;
         write_rows(f, "  M_d, kg (Eq. 13)", &self.mass)?;
@@ -384,14 +386,14 @@ impl Simulated {
 
 impl Display for Simulated {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(f, "Loop of {}", self.machine)?;
+        writeln!(f, "{TITLE}Loop of {}{TITLE:#}", self.machine)?;
         write_shaped(f, &self.shaped)?;
         write_simulation(f, &self.simulation)
     }
 }
 
 fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
-    writeln!(f, "Shaping on the sampled, delayed loop")?;
+    writeln!(f, "{TITLE}Shaping on the sampled, delayed loop{TITLE:#}")?;
     match &r.shaping {
         Shaping::Common { corner_hz } => {
             writeln!(f, "  all channels: low-pass {corner_hz} Hz")?;
@@ -447,7 +449,7 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
     if !r.soft_start {
         writeln!(
             f,
-            "  Warning: on its way through a soft start the loop is not stable with every gain."
+            "  {WARNING}Warning:{WARNING:#} on its way through a soft start the loop is not stable with every gain."
         )?;
     }
     if let Some(drawn) = r.drawn {
@@ -462,50 +464,50 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
         "  isolates from {:.2} Hz (ideal loop: from {:.2} Hz)",
         r.isolation_from_hz, r.isolation_from_ideal_hz
     )?;
-    if !r.bands.is_empty() {
-        writeln!(
-            f,
-            "  Highest peak of σ_max(G11), dB:      open     ideal   sampled   cost of sampling"
-        )?;
+    let bands = r.bands.iter().map(|band| {
+        let mut row = vec![
+            band.name.clone(),
+            format!("{} to {} Hz", band.low_hz, band.high_hz),
+        ];
+        let cost = band.sampled_db - band.ideal_db;
+        let levels = [band.open_db, band.ideal_db, band.sampled_db, cost];
+        row.extend(levels.map(|db| format!("{db:.1}")));
+        row
+    });
+    if r.bands.is_empty() {
+        return Ok(());
     }
-    for band in &r.bands {
-        writeln!(
-            f,
-            "    {:<12} {:>5}–{:<5} Hz       {:>8.1}  {:>8.1}  {:>8.1}   {:>8.1}",
-            band.name,
-            band.low_hz,
-            band.high_hz,
-            band.open_db,
-            band.ideal_db,
-            band.sampled_db,
-            band.sampled_db - band.ideal_db
-        )?;
-    }
-    Ok(())
+    writeln!(f, "  Highest peak of σ_max(G11), dB")?;
+    let head = cells(["", "", "open", "ideal", "sampled", "cost of sampling"]);
+    write_table(f, 4, 2, [head].into_iter().chain(bands))
 }
 
 fn write_simulation(f: &mut Formatter<'_>, s: &Comparison) -> fmt::Result {
     writeln!(
         f,
-        "Software in the loop: {} s on a floor of {:.1e} m/s² rms, {} to {} Hz, seed {}",
+        "{TITLE}Software in the loop: {} s on a floor of {:.1e} m/s² rms, {} to {} Hz, seed {}{TITLE:#}",
         s.duration_s, s.floor_rms, s.floor_band_hz[0], s.floor_band_hz[1], s.seed
     )?;
-    writeln!(
-        f,
-        "  m/s²              rms open  rms closed   peak open peak closed  rms, dB"
-    )?;
-    for (i, name) in s.outputs.iter().enumerate() {
-        writeln!(
-            f,
-            "  {:<14} {:>11.3e} {:>11.3e} {:>11.3e} {:>11.3e}  {:>7.1}",
-            name,
-            s.open.rms[i],
-            s.closed.rms[i],
-            s.open.peak[i],
-            s.closed.peak[i],
-            20.0 * (s.closed.rms[i] / s.open.rms[i]).log10()
-        )?;
-    }
+    let head = cells([
+        "m/s²",
+        "rms open",
+        "rms closed",
+        "peak open",
+        "peak closed",
+        "rms, dB",
+    ]);
+    let rows = s.outputs.iter().enumerate().map(|(i, name)| {
+        let [open, closed] = [&s.open, &s.closed];
+        let mut row = vec![name.clone()];
+        let values = [open.rms[i], closed.rms[i], open.peak[i], closed.peak[i]];
+        row.extend(values.map(|x| format!("{x:.3e}")));
+        row.push(format!(
+            "{:.1}",
+            20.0 * (closed.rms[i] / open.rms[i]).log10()
+        ));
+        row
+    });
+    write_table(f, 2, 1, [head].into_iter().chain(rows))?;
     writeln!(
         f,
         "  largest leg force {:.1} N; clamp active in {}, sensor at a rail in {} of {} steps",
@@ -582,7 +584,10 @@ impl Display for Generated {
         writeln!(f)?;
         write_simulation(f, &self.simulation)?;
         if !self.not_published.is_empty() {
-            writeln!(f, "\nNot published, but reconstructed or assumed")?;
+            writeln!(
+                f,
+                "\n{TITLE}Not published, but reconstructed or assumed{TITLE:#}"
+            )?;
         }
         for statement in &self.not_published {
             writeln!(
@@ -595,7 +600,7 @@ impl Display for Generated {
             )?;
         }
         for warning in &self.warnings {
-            writeln!(f, "\nWarning: {warning}")?;
+            writeln!(f, "\n{WARNING}Warning:{WARNING:#} {warning}")?;
         }
         writeln!(f, "\nTable written to {}", self.table)
     }

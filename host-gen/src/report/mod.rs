@@ -93,7 +93,7 @@ impl Report {
     pub fn quick(machine: &Machine) -> Result<Self, StudyError> {
         let none = |machine| {
             let study = Study::new(machine)?;
-            let sampled = Err("not searched for yet".to_owned());
+            let sampled = Err("the search is not at its end".to_owned());
             Ok::<_, StudyError>(Looped { study, sampled })
         };
         let looped = machine.by_feedback().into_iter().map(none);
@@ -201,11 +201,6 @@ impl Report {
         });
         charts.chain(drawings).collect()
     }
-
-    /// What the machine is called.
-    pub fn machine(&self) -> &str {
-        &self.machine
-    }
 }
 
 /// Every key that ends in a value. What explains numbers is none.
@@ -290,9 +285,9 @@ impl Review {
         single.chain(compared).collect()
     }
 
-    /// The machines' reports.
-    pub fn machines(&self) -> &[Report] {
-        &self.machines
+    /// All of it for the page and for other programs, `docs/json.md`.
+    pub fn json(&self) -> String {
+        serde_json::to_string(self).expect("numbers and strings serialise")
     }
 }
 

@@ -11,17 +11,14 @@ const THREE: &str = include_str!("web/vendor/three.min.js");
 
 /// The page of a review. It asks nothing of any network.
 pub fn page(review: &Review) -> String {
-    let title = review
-        .machines
-        .iter()
-        .map(|report| report.machine())
-        .collect::<Vec<_>>()
-        .join(", ");
-    let data = serde_json::to_string(review).expect("numbers and strings serialise");
+    page_of(&review.json())
+}
+
+/// The page of a review's JSON.
+pub fn page_of(json: &str) -> String {
     // Inside a script element only its end is special.
-    let data = data.replace("</", "<\\/");
+    let data = json.replace("</", "<\\/");
     let parts = [
-        ("{{title}}", title.as_str()),
         ("{{style}}", STYLE),
         ("{{plotly}}", PLOTLY),
         ("{{three}}", THREE),

@@ -1,5 +1,5 @@
 "use strict";
-const review = JSON.parse(document.getElementById("data").textContent);
+let review = JSON.parse(document.getElementById("data").textContent);
 
 // ---- numbers and markup
 
@@ -164,7 +164,7 @@ function machine(m) {
   const head = ["#", "Hz", "kind", "modal mass, kg", "strain energy in legs", ...m.scene.bodies.map((b) => `kinetic, ${escape(b.name)}`)];
   const loads = m.modes.leg_loads.map((l) => [escape(l.beam), fixed(l.axial_force), fixed(l.buckling_load)]);
   return `<p>Drag to turn, scroll to zoom, point at a part for what it is.</p>
-    <div class="view"><div class="stage" id="stage"></div><div id="energies"></div></div>
+    <div class="view"><div class="stage" id="scene"></div><div id="energies"></div></div>
     <div class="controls"><button id="play" aria-pressed="true">moving</button><button id="rest">at rest</button>
       <label>amplitude <input id="amplitude" type="range" min="0.01" max="0.2" step="0.005" value="0.08"></label>
       <label><input id="names" type="checkbox" checked> names</label></div>
@@ -322,19 +322,20 @@ function side_by_side(both) {
 // ---- the page
 
 function three_d(m) {
-  const host = document.getElementById("stage");
+  const host = document.getElementById("scene");
   const energies = document.getElementById("energies");
   const gallery = document.getElementById("gallery");
   if (!document.createElement("canvas").getContext("webgl2")) {
     host.textContent = "The picture needs WebGL 2, which this browser does not have.";
     return;
   }
-  const stage = new Stage(host, m);
-  window.stage = stage;
+  stage?.end();
+  stage = new Stage(host, m);
   const pictures = stage.pictures();
   gallery.innerHTML = m.modes.modes.map((mode, i) => `<button data-mode="${i}"><img src="${pictures[i]}" alt="mode ${i + 1}">${i + 1}: ${fixed(mode.hz, 2)} Hz<small>${mode.kind}</small></button>`).join("");
   const show = (index) => {
     stage.show(index);
+    chosen.mode = index ?? chosen.mode;
     for (const button of gallery.children) button.setAttribute("aria-pressed", Number(button.dataset.mode) === index);
     const mode = m.modes.modes[index];
     energies.innerHTML = index === null ? "" : `<b>Mode ${index + 1}: ${fixed(mode.hz, 3)} Hz</b><br>${mode.kind}, modal mass ${fixed(mode.modal_mass, 1)} kg${bars("Strain energy", mode.strain)}${bars("Kinetic energy", mode.kinetic)}`;
@@ -355,12 +356,17 @@ function three_d(m) {
     stage.pose(stage.factor);
   };
   document.getElementById("names").onchange = (event) => stage.names(event.target.checked);
-  show(0);
+  show(Math.min(chosen.mode, m.modes.modes.length - 1));
   stage.run();
 }
 
+/// What is looked at: kept when the page is drawn again.
+const chosen = { machine: 0, mode: 0 };
+let stage = null;
+
 function show_machine(index) {
   const m = review.machines[index];
+  chosen.machine = index;
   const host = document.getElementById("sections");
   for (const place of host.querySelectorAll("[data-chart]")) Plotly.purge(place);
   host.innerHTML = SECTIONS.map(([id, title, body]) => `<section id="${id}"><h2>${title}</h2>${body(m)}</section>`).join("");
@@ -372,6 +378,7 @@ function show_machine(index) {
 function start() {
   const both = review.side_by_side;
   const names = both ? both.names : review.machines.map((m) => m.machine);
+  document.title = `${names.join(", ")} · hardmount`;
   document.getElementById("title").textContent = names.join(" · ");
   const [m] = review.machines;
   document.getElementById("subtitle").textContent = both
@@ -390,7 +397,22 @@ function start() {
     };
   }
   document.getElementById("footer").textContent = `hardmount ${review.version}. Equations are those of J. van Dijk, "Mechatronic Design of Hard-Mount Concepts for Precision Equipment".`;
-  show_machine(0);
+  show_machine(Math.min(chosen.machine, review.machines.length - 1));
+}
+
+/// Another review in place of this one, or what is wrong with the file.
+function update(next, error) {
+  if (next) {
+    review = next;
+    start();
+  }
+  document.getElementById("error")?.remove();
+  if (error) {
+    const bar = document.createElement("div");
+    bar.id = "error";
+    bar.textContent = error;
+    document.body.append(bar);
+  }
 }
 
 // Paper is narrower than the screen, and shows what is folded.

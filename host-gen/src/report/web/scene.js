@@ -240,26 +240,33 @@ class Stage {
     this.pose(index === null ? 0 : 1);
   }
 
-  /// A picture of every mode at its widest.
+  /// A small picture of every mode at its widest.
   pictures() {
-    const before = this.mode;
+    this.renderer.setPixelRatio(1);
+    this.renderer.setSize(280, 210, false);
+    this.camera.aspect = 4 / 3;
+    this.camera.updateProjectionMatrix();
     const pictures = this.modes.map((_, index) => {
       this.show(index);
-      return this.renderer.domElement.toDataURL("image/jpeg", 0.8);
+      return this.renderer.domElement.toDataURL("image/jpeg", 0.85);
     });
-    this.show(before);
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.resize();
     return pictures;
+  }
+
+  /// Gives back what the browser has few of.
+  end() {
+    this.ended = true;
+    this.observer.disconnect();
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
   }
 
   run() {
     let last = performance.now();
     const step = (now) => {
-      // Replaced by another machine.
-      if (!this.host.isConnected) {
-        this.observer.disconnect();
-        this.renderer.dispose();
-        return;
-      }
+      if (this.ended) return;
       if (this.playing && this.mode !== null) {
         this.phase += (2 * Math.PI * 0.6 * (now - last)) / 1000;
         this.pose(Math.sin(this.phase));

@@ -1,0 +1,43 @@
+//! Tables in text: as wide as what stands in them.
+
+use std::fmt::{self, Formatter};
+
+use anstyle::{AnsiColor, Style};
+use comfy_table::presets::NOTHING;
+use comfy_table::{CellAlignment, ContentArrangement, Table};
+
+/// A heading. Whoever prints takes the colours off where nobody sees them.
+pub const TITLE: Style = Style::new().bold();
+
+/// What should not be overlooked.
+pub const WARNING: Style = AnsiColor::Yellow.on_default().bold();
+
+/// Rows of cells, the first `names` columns to the left, all others to the right,
+/// `indent` spaces before each row.
+pub fn write_table(
+    f: &mut Formatter<'_>,
+    indent: usize,
+    names: usize,
+    rows: impl IntoIterator<Item = Vec<String>>,
+) -> fmt::Result {
+    let mut table = Table::new();
+    table
+        .load_style(NOTHING)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .add_rows(rows);
+    for (i, column) in table.column_iter_mut().enumerate() {
+        column.set_padding((if i == 0 { 0 } else { 2 }, 0));
+        if i >= names {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    for line in table.lines() {
+        writeln!(f, "{:indent$}{}", "", line.trim_end())?;
+    }
+    Ok(())
+}
+
+/// The cells of a row.
+pub fn cells<const N: usize>(cells: [&str; N]) -> Vec<String> {
+    cells.map(str::to_owned).to_vec()
+}

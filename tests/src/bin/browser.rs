@@ -1,0 +1,373 @@
+//! The report's page in a real browser: it loads without an error and without a
+//! network, its charts have their series, hovering shows a value, modes move as the
+//! model says, and the watched page follows its file.
+#![forbid(unsafe_code)]
+
+use std::ffi::OsStr;
+use std::fs;
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, bail, ensure};
+use clap::Parser;
+use headless_chrome::browser::tab::point::Point;
+use headless_chrome::protocol::cdp::Log::LogEntryLevel;
+use headless_chrome::protocol::cdp::Page::CaptureScreenshotFormatOption;
+use headless_chrome::protocol::cdp::types::Event;
+use headless_chrome::{Browser, LaunchOptions, Tab};
+use host_gen::machine::Machine;
+use host_gen::report::chart::Chart;
+use host_gen::report::page::page;
+use host_gen::report::{Report, Review};
+use host_gen::spectrum::Criterion;
+use host_gen::study::Study;
+use serde_json::Value;
+
+/// Looks at the page of `host-gen report` and `host-gen watch` in Chromium.
+#[derive(Parser)]
+struct Cli {
+    /// The browser.
+    #[arg(long, default_value = "/usr/bin/chromium")]
+    browser: PathBuf,
+    /// The program whose `watch` is looked at.
+    #[arg(long, default_value = "target/release/host-gen")]
+    host_gen: PathBuf,
+    /// Pictures of what was seen go there.
+    #[arg(long, default_value = "target/browser")]
+    pictures: PathBuf,
+}
+
+const MODEL: &str = "models/metrology-frame.toml";
+const OTHER: &str = "models/smaller-basis.toml";
+
+/// A page larger than this is too large to send by mail.
+const LARGEST: usize = 6_000_000;
+
+fn main() -> ExitCode {
+    match run(&Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(cli: &Cli) -> Result<()> {
+    fs::create_dir_all(&cli.pictures)?;
+    let folder = tempfile::tempdir()?;
+    let browser = Browser::new(LaunchOptions {
+        path: Some(cli.browser.clone()),
+        sandbox: false,
+        window_size: Some((1280, 1000)),
+        idle_browser_timeout: Duration::from_secs(300),
+        // Drawing in 3D without a graphics card; nothing but the page.
+        args: [
+            "--enable-unsafe-swiftshader",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+        ]
+        .map(OsStr::new)
+        .to_vec(),
+        ..LaunchOptions::default()
+    })?;
+
+    let machine = Machine::load(Path::new(MODEL))?;
+    let report = |machine| Report::new(machine, Criterion::VcC, &|| {});
+    let review = Review::new(vec![report(&machine)?])?;
+    let seen = Seen::open(&browser, &write(folder.path(), "one.html", &review)?)?;
+    seen.charts(&charts(&review))?;
+    seen.hover(&cli.pictures)?;
+    seen.modes(&machine)?;
+    seen.done(&cli.pictures, "report")?;
+    println!("one machine: charts, hover, modes: as they should be");
+
+    let other = Machine::load(Path::new(OTHER))?;
+    let both = Review::new(vec![report(&machine)?, report(&other)?])?;
+    let seen = Seen::open(&browser, &write(folder.path(), "two.html", &both)?)?;
+    seen.side_by_side(&both)?;
+    seen.done(&cli.pictures, "side-by-side")?;
+    println!("two machines: side by side as they should be");
+
+    watched(&browser, cli, folder.path())
+}
+
+fn write(folder: &Path, name: &str, review: &Review) -> Result<String> {
+    let path = folder.join(name);
+    let text = page(review);
+    ensure!(text.len() < LARGEST, "{name} has {} bytes", text.len());
+    println!("{name}: {} bytes", text.len());
+    fs::write(&path, text)?;
+    Ok(format!("file://{}", path.display()))
+}
+
+/// The charts that the page shows of its one machine.
+fn charts(review: &Review) -> Vec<&Chart> {
+    let pictures = review.pictures().into_iter();
+    let drawn = |chart: &&Chart| !["machine", "mode"].contains(&chart.id);
+    pictures.map(|(_, chart)| chart).filter(drawn).collect()
+}
+
+/// A page in the browser, and what went wrong on it.
+struct Seen {
+    tab: Arc<Tab>,
+    errors: Arc<Mutex<Vec<String>>>,
+}
+
+impl Seen {
+    fn open(browser: &Browser, url: &str) -> Result<Self> {
+        let tab = browser.new_tab()?;
+        tab.set_default_timeout(Duration::from_secs(60));
+        let errors = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&errors);
+        tab.enable_runtime()?;
+        tab.enable_log()?;
+        tab.add_event_listener(Arc::new(move |event: &Event| {
+            let text = match event {
+                Event::RuntimeExceptionThrown(thrown) => {
+                    format!("{:?}", thrown.params.exception_details)
+                }
+                Event::RuntimeConsoleAPICalled(call) => format!("{:?}", call.params),
+                // The graphics driver warns that taking pictures is slow.
+                Event::LogEntryAdded(entry) if entry.params.entry.level == LogEntryLevel::Error => {
+                    format!("{:?}", entry.params.entry)
+                }
+                _ => return,
+            };
+            if let Ok(mut heard) = heard.lock() {
+                heard.push(text);
+            }
+        }))?;
+        tab.navigate_to(url)?;
+        let seen = Self { tab, errors };
+        seen.until("document.querySelectorAll('#gallery img').length > 0")?;
+        Ok(seen)
+    }
+
+    fn ask(&self, expression: &str) -> Result<Value> {
+        let answer = self.tab.evaluate(expression, true)?;
+        Ok(answer.value.unwrap_or(Value::Null))
+    }
+
+    fn number(&self, expression: &str) -> Result<f64> {
+        let answer = self.ask(expression)?;
+        answer
+            .as_f64()
+            .with_context(|| format!("{expression} is {answer}"))
+    }
+
+    fn until(&self, expression: &str) -> Result<()> {
+        for _ in 0..1600 {
+            // While a page goes and another comes there is nobody to ask.
+            if self.ask(expression).is_ok_and(|answer| answer == true) {
+                return Ok(());
+            }
+            std::thread::sleep(Duration::from_millis(25));
+        }
+        let errors = self.errors.lock().map(|errors| errors.join("\n"));
+        bail!(
+            "it never came to this: {expression}\n{}",
+            errors.unwrap_or_default()
+        )
+    }
+
+    /// Every chart has a place with as many series, and as many points in each.
+    fn charts(&self, charts: &[&Chart]) -> Result<()> {
+        let drawn = self.number("document.querySelectorAll('[data-chart] .main-svg').length > 0 ? document.querySelectorAll('[data-chart]').length : 0")?;
+        ensure!(
+            drawn == charts.len() as f64,
+            "{drawn} of {} charts",
+            charts.len()
+        );
+        for chart in charts {
+            let place = format!(
+                "document.querySelector('#sections [data-chart={}]')",
+                chart.id
+            );
+            let points = self.ask(&format!(
+                "JSON.stringify({place}.data.map((t) => [t.name, t.x.length, t.y.length]))"
+            ))?;
+            let points: Vec<(String, usize, usize)> =
+                serde_json::from_str(points.as_str().context("no text")?)?;
+            let expected = chart.series.iter();
+            let expected: Vec<_> = expected
+                .map(|s| (s.name.clone(), s.x.len(), s.y.len()))
+                .collect();
+            ensure!(points == expected, "{}: {points:?}", chart.id);
+            // And something is drawn of it.
+            let paths = self.number(&format!(
+                "{place}.querySelectorAll('.scatterlayer path').length"
+            ))?;
+            ensure!(paths > 0.0, "{} is empty", chart.id);
+        }
+        Ok(())
+    }
+
+    /// Over the highest point of the first curve, its value is said.
+    fn hover(&self, pictures: &Path) -> Result<()> {
+        let spot = self.ask(
+            "(() => {
+                const place = document.querySelector('#sections [data-chart=sigma]');
+                place.scrollIntoView({ block: 'center', behavior: 'instant' });
+                const box = place.getBoundingClientRect(), l = place._fullLayout;
+                const y = place.data[0].y, k = y.indexOf(Math.max(...y));
+                return JSON.stringify([box.left + l.xaxis._offset + l.xaxis.d2p(place.data[0].x[k]),
+                    box.top + l.yaxis._offset + l.yaxis.d2p(y[k]), place.data[0].x[k], y[k]]);
+            })()",
+        )?;
+        let [x, y, hz, db]: [f64; 4] = serde_json::from_str(spot.as_str().context("no text")?)?;
+        // From the side, as a hand would.
+        self.tab.move_mouse_to_point(Point {
+            x: x - 40.0,
+            y: y + 60.0,
+        })?;
+        self.tab.move_mouse_to_point(Point { x, y })?;
+        self.until("document.querySelector('[data-chart=sigma] .hoverlayer .hovertext') !== null")?;
+        let text =
+            self.ask("document.querySelector('[data-chart=sigma] .hovertext').textContent")?;
+        let text = text.as_str().context("no text")?;
+        // As the page says it, four digits of each.
+        for value in [hz, db] {
+            let said = format!("{value:.2}");
+            let said = &said[..said.len() - 1];
+            ensure!(text.contains(said), "hover says {text}, not {said}");
+        }
+        self.picture(pictures, "hover")
+    }
+
+    /// Nodes move as the model's shapes say, and the picture moves.
+    fn modes(&self, machine: &Machine) -> Result<()> {
+        let study = Study::new(machine.clone())?;
+        let shapes = study.model.modes().shapes;
+        for mode in 0..shapes.ncols() {
+            let shape = shapes.column(mode).into_owned();
+            let there = self.ask(&format!("JSON.stringify(stage.scene.nodes.map((n) => stage.shapeAt(stage.modes[{mode}], n)))"))?;
+            let there: Vec<[f64; 3]> = serde_json::from_str(there.as_str().context("no text")?)?;
+            for (node, there) in there.iter().enumerate() {
+                let here = study.model.translation(machine, node, &shape);
+                let off = (here - nalgebra::Vector3::from(*there)).norm();
+                ensure!(off < 1e-9, "mode {mode}, node {node}: {here} and {there:?}");
+            }
+        }
+        self.ask("document.querySelector('#gallery button[data-mode=\"3\"]').click()")?;
+        let look = "stage.renderer.domElement.toDataURL()";
+        let (first, factor) = (self.ask(look)?, self.number("stage.factor")?);
+        self.until(&format!("Math.abs(stage.factor - {factor}) > 0.3"))?;
+        ensure!(self.ask(look)? != first, "the mode does not move");
+        self.ask("document.getElementById('play').click()")?;
+        let still = self.number("stage.phase")?;
+        std::thread::sleep(Duration::from_millis(300));
+        ensure!(self.number("stage.phase")? == still, "it moves on");
+        Ok(())
+    }
+
+    fn side_by_side(&self, review: &Review) -> Result<()> {
+        let compared = review.pictures().into_iter();
+        let compared: Vec<_> = compared
+            .filter(|(name, _)| name.starts_with("compared-"))
+            .collect();
+        ensure!(!compared.is_empty(), "nothing is compared");
+        for (_, chart) in compared {
+            let series = self.number(&format!(
+                "document.querySelector('#compared [data-chart={}]').data.length",
+                chart.id
+            ))?;
+            ensure!(
+                series == chart.series.len() as f64,
+                "{}: {series}",
+                chart.id
+            );
+        }
+        // The second machine's own page part.
+        self.ask("document.querySelector('.tabs [data-machine=\"1\"]').click()")?;
+        self.until("document.querySelectorAll('#gallery img').length > 0")?;
+        let shown = self.ask("document.querySelector('#file summary').textContent")?;
+        ensure!(shown == Value::from(OTHER), "the file shown is {shown}");
+        Ok(())
+    }
+
+    fn picture(&self, folder: &Path, name: &str) -> Result<()> {
+        let png = CaptureScreenshotFormatOption::Png;
+        let picture = self.tab.capture_screenshot(png, None, None, true)?;
+        Ok(fs::write(folder.join(name).with_extension("png"), picture)?)
+    }
+
+    /// Nothing went wrong, and nothing was asked of a network.
+    fn done(self, pictures: &Path, name: &str) -> Result<()> {
+        self.ask("window.scrollTo(0, 0)")?;
+        self.picture(pictures, name)?;
+        let asked = self.ask("JSON.stringify(performance.getEntriesByType('resource').map((r) => r.name).filter((n) => !n.startsWith('data:') && !n.startsWith('blob:')))")?;
+        ensure!(asked == Value::from("[]"), "it asked for {asked}");
+        let errors = self
+            .errors
+            .lock()
+            .map_err(|_| anyhow::anyhow!("a listener panicked"))?;
+        ensure!(errors.is_empty(), "the console says {errors:?}");
+        drop(errors);
+        self.tab.close(false)?;
+        Ok(())
+    }
+}
+
+/// `host-gen watch` under a model that is edited.
+struct Watched(Child);
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        self.0.kill().unwrap_or_default();
+        self.0.wait().map(|_| ()).unwrap_or_default();
+    }
+}
+
+fn watched(browser: &Browser, cli: &Cli, folder: &Path) -> Result<()> {
+    let model = folder.join("watched.toml");
+    let text = fs::read_to_string(MODEL)?;
+    fs::write(&model, &text)?;
+    let mut process = Command::new(&cli.host_gen);
+    process
+        .arg("watch")
+        .arg(&model)
+        .args(["--listen", "127.0.0.1:0"]);
+    let process = process.stdout(Stdio::piped()).spawn();
+    let mut process = Watched(process.with_context(|| format!("{}", cli.host_gen.display()))?);
+    let mut lines = BufReader::new(process.0.stdout.take().context("no output")?).lines();
+    let url = lines.find(|line| line.as_ref().is_ok_and(|line| line.starts_with("http")));
+    let url = url.context("it says no address")??;
+    // What else it says is read, so that it does not wait for that.
+    std::thread::spawn(move || lines.for_each(drop));
+    let seen = Seen::open(browser, &url)?;
+    let mass = "document.querySelector('#gallery') && review.machines[0].scene.bodies[0].mass";
+    for round in 0..3 {
+        let kilos = 700 + round;
+        let edited = text.replace("mass = 742.0", &format!("mass = {kilos}.0"));
+        let start = Instant::now();
+        fs::write(&model, edited)?;
+        seen.until(&format!("{mass} === {kilos}"))?;
+        println!(
+            "watch: saved to shown in {:.2} s",
+            start.elapsed().as_secs_f64()
+        );
+    }
+    // What the search finds comes by itself.
+    seen.until("Boolean(review.machines[0].closed)")?;
+    fs::write(&model, text.replace("mass = 742.0", "mass = -1.0"))?;
+    seen.until("document.getElementById('error') !== null")?;
+    let error = seen.ask("document.getElementById('error').textContent")?;
+    let place = "watched.toml:36:1: bodies.frame.mass";
+    ensure!(
+        error.as_str().is_some_and(|error| error.contains(place)),
+        "the page says {error}"
+    );
+    fs::write(&model, &text)?;
+    seen.until(&format!(
+        "document.getElementById('error') === null && {mass} === 742"
+    ))?;
+    println!("watch: errors with their place, and over once they are mended");
+    Ok(())
+}
