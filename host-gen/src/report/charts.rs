@@ -446,12 +446,13 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
 pub fn drawings(study: &Study) -> Vec<Chart> {
     let machine = &study.machine;
     let modes = study.model.modes();
-    // From the right and above: x to the right, y back, z up.
+    // Turned about z, then seen from above: lengths are never longer than they are.
     let seen = |p: nalgebra::Vector3<f64>| {
         let (sin, cos) = 0.6_f64.sin_cos();
+        let (above, level) = 0.46_f64.sin_cos();
         (
             p.x * cos - p.y * sin,
-            0.45 * (p.x * sin + p.y * cos) + 0.9 * p.z,
+            above * (p.x * sin + p.y * cos) + level * p.z,
         )
     };
     let size = machine

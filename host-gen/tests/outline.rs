@@ -1,0 +1,188 @@
+//! Machine files from a few numbers, and the schema that editors check them by.
+
+mod common;
+
+use core::f64::consts::TAU;
+use std::fs;
+use std::path::Path;
+
+use common::{model_path, model_text};
+use host_gen::machine::schema::schema;
+use host_gen::machine::{Feedback, Machine};
+use host_gen::outline::{Mounts, Outline};
+use host_gen::study::Study;
+use jsonschema::Validator;
+use proptest::prelude::*;
+use serde_json::Value;
+
+fn study(outline: &Outline) -> Study {
+    let path = Path::new("new.toml");
+    let text = outline.machine_file(path).unwrap();
+    Study::new(Machine::parse(path, &text).unwrap()).unwrap()
+}
+
+/// A frame alone: legs of stiffness k at an angle α with the floor hold it up with
+/// 6·k·(sin²α + 12·c·cos²α), c = (EI/L)/(k·L²) being the outline's 5.53e-4 for the
+/// clamped ends' share, and turn it about z with the same, sin and cos exchanged, on
+/// the mounts' circle; the disc's inertia is half of m·R².
+#[test]
+fn legs_hold_as_their_angle_says() {
+    for (mounts, leg_angle) in [(Mounts::Three, 35.0), (Mounts::Six, 50.0)] {
+        let outline = Outline {
+            mounts,
+            leg_angle,
+            payload_mass: 0.0,
+            ..Outline::default()
+        };
+        let study = study(&outline);
+        let (sin, cos) = leg_angle.to_radians().sin_cos();
+        let hz = |stiffness: f64| (stiffness / outline.frame_mass).sqrt() / TAU;
+        let (axial, bent) = (
+            outline.leg_stiffness,
+            12.0 * 5.53e-4 * outline.leg_stiffness,
+        );
+        let up = hz(6.0 * (axial * sin * sin + bent * cos * cos));
+        let modes = study.model.modes();
+        let found = modes.hertz();
+        // Up and down nothing turns: nothing else acts.
+        let nearest = found.iter().map(|hz| (hz / up - 1.0).abs());
+        assert!(nearest.fold(1.0, f64::min) < 1e-6, "{up} in {found:?}");
+        // Turning bends the mounts' ends a little too.
+        let turn = hz(12.0 * (axial * cos * cos + bent * sin * sin));
+        let nearest = found.iter().map(|hz| (hz / turn - 1.0).abs());
+        assert!(nearest.fold(1.0, f64::min) < 5e-3, "{turn} in {found:?}");
+    }
+}
+
+/// The payload moves on the frame where it was asked to, up and down: the mode of
+/// two masses on three blocks, a little stiffened by the legs.
+#[test]
+fn payload_moves_where_it_was_asked() {
+    let outline = Outline::default();
+    let found = study(&outline).model.modes().hertz();
+    let nearest = found.iter().map(|hz| hz / outline.internal - 1.0);
+    let nearest = nearest.min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap();
+    // (13.9/90)² of the legs' share.
+    assert!((0.0..0.05).contains(&nearest), "{nearest} of {found:?}");
+}
+
+/// The usual outline is controlled as asked.
+#[test]
+fn the_usual_machine_has_a_controller() {
+    for mounts in [Mounts::Three, Mounts::Six] {
+        let study = study(&Outline {
+            mounts,
+            ..Outline::default()
+        });
+        let (_, shaped) = study.table().unwrap();
+        assert!(shaped.isolation_from_hz < 1.5, "{shaped:?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+
+    /// Whatever is asked for in reason is a machine, and its file is what the schema
+    /// allows.
+    #[test]
+    fn every_outline_is_a_machine(
+        six in any::<bool>(),
+        radius in 0.05..2.0,
+        height in 0.05..1.0,
+        leg_angle in 15.0..75.0,
+        leg_stiffness in 1e5..1e9,
+        frame_mass in 1.0..5000.0,
+        payload_mass in prop_oneof![Just(0.0), 1.0..5000.0],
+        payload_below in 0.02..0.5,
+        internal in 40.0..300.0,
+    ) {
+        let outline = Outline {
+            mounts: if six { Mounts::Six } else { Mounts::Three },
+            radius,
+            height,
+            leg_angle,
+            leg_stiffness,
+            frame_mass,
+            payload_mass,
+            payload_below,
+            internal,
+            feedback: Feedback::Acceleration,
+            ..Outline::default()
+        };
+        let study = study(&outline);
+        prop_assert!(study.model.modes().hertz().iter().all(|hz| *hz > 0.0));
+        let text = outline.machine_file(Path::new("new.toml")).unwrap();
+        let errors = errors(&text);
+        prop_assert!(errors.is_empty(), "{errors:?}");
+    }
+}
+
+fn validator() -> Validator {
+    let schema: Value = serde_json::from_str(&schema()).unwrap();
+    jsonschema::validator_for(&schema).unwrap()
+}
+
+fn errors(text: &str) -> Vec<String> {
+    let file: toml::Value = text.parse::<toml::Table>().unwrap().into();
+    let file = serde_json::to_value(file).unwrap();
+    let errors = validator();
+    let errors = errors.iter_errors(&file);
+    errors
+        .map(|error| format!("{}: {error}", error.instance_path()))
+        .collect()
+}
+
+/// The schema in the models' folder is the one that the program prints.
+#[test]
+fn checked_in_schema_is_current() {
+    let checked_in =
+        fs::read_to_string(model_path().with_file_name("machine.schema.json")).unwrap();
+    assert!(
+        checked_in == schema(),
+        "host-gen schema > models/machine.schema.json"
+    );
+}
+
+/// Every model in the folder is what the schema allows, those that are based on
+/// another too.
+#[test]
+fn models_are_what_the_schema_allows() {
+    let folder = model_path().parent().unwrap().to_owned();
+    let mut seen = 0;
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
+            let errors = errors(&fs::read_to_string(&path).unwrap());
+            assert!(errors.is_empty(), "{}: {errors:?}", path.display());
+            seen += 1;
+        }
+    }
+    assert!(seen >= 6, "{seen}");
+}
+
+/// What the program refuses for its form, the schema does not allow either.
+#[test]
+fn schema_finds_what_is_wrong() {
+    for (old, new) in [
+        ("mass = 742.0", "mas = 742.0"),
+        ("mass = 742.0\n", ""),
+        ("mass = 742.0", "mass = \"heavy\""),
+        ("n3 = [0.0, 0.5, 0.0]", "n3 = [0.0, 0.5]"),
+        ("bits = 16\nrange = 10.0", "bits = 24\nrange = 10.0"),
+        ("feedback = \"acceleration\"", "feedback = \"speed\""),
+        ("name = \"metrology-frame\"", "name = \"Metrology Frame\""),
+        ("[actuators]\n", "[actuator]\n"),
+    ] {
+        let text = model_text();
+        assert_eq!(text.matches(old).count(), 1, "{old}");
+        let text = text.replace(old, new);
+        assert!(!errors(&text).is_empty(), "{new}");
+        assert!(
+            Machine::parse(Path::new("test.toml"), &text).is_err(),
+            "{new}"
+        );
+    }
+}

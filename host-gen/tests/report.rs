@@ -1,0 +1,354 @@
+//! The report against what the other commands find, and its pictures and numbers
+//! against themselves read back.
+
+mod common;
+
+use common::{edited, frame, model_path, parse, study};
+use host_gen::history::history;
+use host_gen::machine::Machine;
+use host_gen::report::chart::{Chart, Scale, Style};
+use host_gen::report::page::page;
+use host_gen::report::plots::{csv, png, svg};
+use host_gen::report::{Report, Review};
+use host_gen::simulation::compare;
+use host_gen::spectrum::Criterion;
+use host_gen::study::Study;
+use resvg::tiny_skia::Pixmap;
+use serde_json::Value;
+
+/// Under the direct law, whose search is short.
+fn report(edits: &[(&str, &str)]) -> Report {
+    let machine = parse(&edited(edits)).unwrap();
+    Report::new(&machine, Criterion::VcC, &|| {}).unwrap()
+}
+
+fn value(review: &Review) -> Value {
+    serde_json::from_str(&review.json()).unwrap()
+}
+
+fn review(edits: &[&[(&str, &str)]]) -> Review {
+    Review::new(edits.iter().map(|edits| report(edits)).collect()).unwrap()
+}
+
+/// The data in the page is the review, and nothing in the page is fetched.
+#[test]
+fn page_holds_the_review_and_asks_for_nothing() {
+    // A text that would end the element it stands in.
+    let review = review(&[&[("name", "\"close\"")]]);
+    let json = review.json();
+    let page = page(&review);
+    let start = "<script type=\"application/json\" id=\"data\">";
+    let data = page.split_once(start).unwrap().1;
+    let data = data.split_once("</script>").unwrap().0;
+    let read: Value = serde_json::from_str(data).unwrap();
+    assert_eq!(read, serde_json::from_str::<Value>(&json).unwrap());
+    let markup = page.split_once("<body>").unwrap().0;
+    for attribute in ["src=", "<link rel=\"stylesheet\"", "@import", "url("] {
+        assert!(!markup.contains(attribute), "{attribute}");
+    }
+    assert_eq!(page.matches("<script src").count(), 0);
+    assert!(page.len() < 6_000_000, "{} bytes", page.len());
+}
+
+fn chart<'a>(review: &'a Review, id: &str) -> &'a Chart {
+    let pictures = review.pictures().into_iter();
+    let mut own = pictures.filter(|(name, _)| name == id);
+    own.next().unwrap_or_else(|| panic!("no chart {id}")).1
+}
+
+fn highest(y: &[f64]) -> f64 {
+    y.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The charts' peaks are those that the search for the shaping found, each by its
+/// own grid: the sensitivity climbs to its tops, the bands have 200 points and all
+/// peaks.
+#[test]
+fn charts_peak_where_the_design_says() {
+    let review = review(&[&[]]);
+    let json = value(&review);
+    let shaped = &json["machines"][0]["closed"]["design"]["shaped"];
+    let db = 20.0
+        * shaped["peak_sensitivity"]["value"]
+            .as_f64()
+            .unwrap()
+            .log10();
+    let sensitivity = highest(&chart(&review, "sensitivity").series[0].y);
+    assert!((sensitivity - db).abs() < 0.05, "{sensitivity} and {db} dB");
+
+    let sigma = chart(&review, "sigma");
+    for (series, key) in [("open", "open_db"), ("acceleration, sampled", "sampled_db")] {
+        let own = sigma.series.iter().find(|s| s.name == series).unwrap();
+        for band in shaped["bands"].as_array().unwrap() {
+            let [low, high] = ["low_hz", "high_hz"].map(|key| band[key].as_f64().unwrap());
+            // Between the points, where the band ends, straight.
+            let at = |hz: f64| {
+                let i = own.x.partition_point(|x| *x < hz).clamp(1, own.x.len() - 1);
+                let part = (hz - own.x[i - 1]) / (own.x[i] - own.x[i - 1]);
+                own.y[i - 1] + part * (own.y[i] - own.y[i - 1])
+            };
+            let points = own.x.iter().zip(&own.y);
+            let inside = points.filter(|(hz, _)| (low..=high).contains(*hz));
+            let mut inside: Vec<f64> = inside.map(|(_, y)| *y).collect();
+            inside.extend([at(low), at(high)]);
+            let found = highest(&inside);
+            let expected = band[key].as_f64().unwrap();
+            assert!(
+                (found - expected).abs() < 0.1,
+                "{series}: {found}, {expected} dB"
+            );
+        }
+    }
+    // It isolates from where the transmissibility last falls through 1/√2.
+    let isolation = chart(&review, "isolation");
+    let sampled = isolation
+        .series
+        .iter()
+        .find(|s| s.name == "sampled")
+        .unwrap();
+    let last = sampled.y.iter().rposition(|y| *y > -3.0103).unwrap();
+    let from = shaped["isolation_from_hz"].as_f64().unwrap();
+    assert!(
+        sampled.x[last] <= from && from <= sampled.x[last + 1],
+        "{} to {} Hz, {from}",
+        sampled.x[last],
+        sampled.x[last + 1]
+    );
+}
+
+/// A session: rest, self-test, rest, soft start, closed. Its end against the
+/// standard run, which has other code for the loop and another stretch of the
+/// floor: root mean squares over four seconds of noise agree to a quarter.
+#[test]
+fn history_ends_as_the_simulation_does() {
+    let study = frame();
+    let (table, _) = study.table().unwrap();
+    let history = history(&study, &table);
+    let modes: Vec<&str> = history.phases.iter().map(|phase| phase.mode).collect();
+    assert_eq!(
+        modes,
+        [
+            "legs at rest",
+            "self-test",
+            "tested",
+            "soft start",
+            "loop closed"
+        ]
+    );
+    let machine = &study.machine;
+    let names = machine.performance_names();
+    let run = compare(
+        &study.plant,
+        &machine.board,
+        &machine.simulation,
+        &table,
+        names,
+    );
+    let together = |rms: &[f64]| rms.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let envelope = &history.envelope;
+    let begin = history.phases[4].from + 1.0;
+    let begin = envelope.time.iter().position(|t| *t > begin).unwrap();
+    for (found, expected) in [
+        (&envelope.open[begin..], &run.open.rms),
+        (&envelope.closed[begin..], &run.closed.rms),
+    ] {
+        let rms = together(found) / (found.len() as f64).sqrt();
+        let ratio = rms / together(expected);
+        assert!((0.75..1.25).contains(&ratio), "{ratio}");
+    }
+    // The close-up's means of five samples lose little of these signals.
+    let close = &history.close_up;
+    let power: f64 = close.open.iter().flatten().map(|x| x * x).sum();
+    let rms = (power / close.time.len() as f64).sqrt();
+    let ratio = rms / together(&run.open.rms);
+    assert!((0.6..1.6).contains(&ratio), "{ratio}");
+}
+
+/// Every number of a chart comes back from its CSV.
+#[test]
+fn csv_reads_back() {
+    let review = review(&[&[]]);
+    for (name, chart) in review.pictures() {
+        let text = csv(chart);
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        assert_eq!(&reader.headers().unwrap()[0], "series");
+        let mut records = reader.records();
+        for series in &chart.series {
+            for (x, y) in series.x.iter().zip(&series.y) {
+                let record = records.next().unwrap().unwrap();
+                let number = |i: usize| record[i].parse::<f64>().unwrap();
+                let same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
+                assert!(&record[0] == series.name.as_str(), "{name}");
+                assert!(same(number(1), *x) && same(number(2), *y), "{name}");
+            }
+        }
+        assert!(records.next().is_none(), "{name}");
+    }
+}
+
+/// Every chart is drawn, in the colours of what is shown, with its title and its
+/// letters: text that a font lacks would leave no ink.
+#[test]
+fn pictures_show_their_series() {
+    let review = review(&[&[]]);
+    let pictures = review.pictures();
+    // Eleven charts, the machine, twelve modes.
+    assert_eq!(pictures.len(), 24);
+    for (name, chart) in pictures {
+        let picture = svg(chart).unwrap();
+        let pixels = Pixmap::decode_png(&png(chart, &picture).unwrap()).unwrap();
+        assert_eq!((pixels.width(), pixels.height()), (1920, 1120));
+        let ink = |colour: [u8; 3], rows: std::ops::Range<usize>| {
+            let width = pixels.width() as usize;
+            let pixels = &pixels.pixels()[rows.start * width..rows.end * width];
+            let same = |p: &&resvg::tiny_skia::PremultipliedColorU8| {
+                [p.red(), p.green(), p.blue()] == colour
+            };
+            pixels.iter().filter(same).count()
+        };
+        for series in chart.series.iter().filter(|s| s.shown) {
+            // Limits are thin, and curves may lie on each other.
+            if series.style != Style::Limit && !series.x.is_empty() {
+                let count = ink(series.colour.rgb(), 0..1120);
+                assert!(count > 20, "{name}: {} has {count} pixels", series.name);
+            }
+        }
+        assert!(ink([0, 0, 0], 0..80) > 100, "{name} has no title");
+        assert!(ink([0, 0, 0], 1000..1120) > 20, "{name} has no axis");
+    }
+}
+
+/// An axis says what is where: the CSV's point of the highest peak lies, in the SVG,
+/// where its axes' labels put it.
+#[test]
+fn axes_of_pictures_are_true() {
+    use host_gen::report::chart::{Axis, Colour, Series};
+    let points = [(1.0, 0.0), (10.0, 5.0), (100.0, 10.0)];
+    let chart = Chart {
+        id: "true",
+        title: "true".to_owned(),
+        note: String::new(),
+        x: Axis::log("Hz").from_to(1.0, 100.0),
+        y: Axis::linear("dB").from_to(0.0, 10.0),
+        series: vec![Series::line("one", Colour::Open, points).styled(Style::Points)],
+        marks: Vec::new(),
+    };
+    assert_eq!(chart.x.scale, Scale::Log);
+    let text = svg(&chart).unwrap();
+    let number = |element: &str, key: &str| -> f64 {
+        let (_, rest) = element.split_once(&format!(" {key}=\"")).unwrap();
+        rest.split_once('"').unwrap().0.parse().unwrap()
+    };
+    let circles = text.split("<circle").skip(1);
+    let centres: Vec<(f64, f64)> = circles
+        .map(|circle| (number(circle, "cx"), number(circle, "cy")))
+        .collect();
+    // A decade and five decibels further are as far again.
+    assert_eq!(centres.len(), 3);
+    assert!((centres[0].0 + centres[2].0 - 2.0 * centres[1].0).abs() <= 1.0);
+    assert!((centres[0].1 + centres[2].1 - 2.0 * centres[1].1).abs() <= 1.0);
+    // And the ticks' letters stand under and beside them.
+    let near = |label: &str, at: f64, key: &str| {
+        let found = text.split("<text").skip(1).any(|element| {
+            let own = element.split_once('>').unwrap().1;
+            let own = own.split_once("</text>").unwrap().0.trim();
+            own == label && (number(element, key) - at).abs() < 8.0
+        });
+        assert!(found, "{label} at {at}");
+    };
+    near("10", centres[1].0, "x");
+    near("100", centres[2].0, "x");
+    near("4", centres[0].1 + 0.4 * (centres[2].1 - centres[0].1), "y");
+}
+
+/// Side by side: the settings that were changed and no others, and curves of both.
+#[test]
+fn side_by_side_shows_what_differs() {
+    let review = review(&[
+        &[("name", "\"a\"")],
+        &[
+            ("name", "\"b\""),
+            ("bodies.frame.mass", "700.0"),
+            ("gravity", "[0.0, 0.0, 0.0]"),
+        ],
+    ]);
+    let json = value(&review);
+    let both = &json["side_by_side"];
+    let differences = both["differences"].as_array().unwrap();
+    let keys: Vec<&str> = differences.iter().map(|d| d[0].as_str().unwrap()).collect();
+    assert_eq!(keys, ["name", "bodies.frame.mass", "gravity"]);
+    assert_eq!(differences[1][1], serde_json::json!(["742.0", "700.0"]));
+    assert_eq!(differences[2][1][0], Value::Null);
+    let sigma = &chart(&review, "compared-sigma").series;
+    let names: Vec<&str> = sigma.iter().map(|s| &s.name[..]).collect();
+    assert_eq!(
+        names,
+        [
+            "a: open",
+            "a: acceleration, sampled",
+            "b: open",
+            "b: acceleration, sampled"
+        ]
+    );
+    assert_eq!(sigma[0].y, chart(&review, "a-sigma").series[0].y);
+    assert_eq!(sigma[2].y, chart(&review, "b-sigma").series[0].y);
+    assert_ne!(sigma[0].y, sigma[2].y);
+}
+
+/// What an engineer must not overlook is in the report: a machine that falls, and
+/// loops that cannot be had.
+#[test]
+fn warnings_and_what_is_missing() {
+    let path = model_path().with_file_name("low-parasitic.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let heavy = format!("gravity = [0.0, 0.0, -9.81]\n{text}");
+    let machine = Machine::parse(&path, &heavy).unwrap();
+    let review = Review::new(vec![Report::quick(&machine).unwrap()]).unwrap();
+    let json = value(&review);
+    let report = &json["machines"][0];
+    let warnings = report["warnings"].to_string();
+    assert!(warnings.contains("buckles"), "{warnings}");
+    assert!(report["closed"].is_null());
+    assert_eq!(report["files"].as_array().unwrap().len(), 2);
+    // Both kinds, neither with its loop yet.
+    let missing = report["not_shown"].to_string();
+    assert!(missing.contains("force, sampled"), "{missing}");
+
+    let machine = parse(&edited(&[("control.feedback", "\"force\"")]));
+    let report = Report::new(&machine.unwrap(), Criterion::VcC, &|| {}).unwrap();
+    let json = value(&Review::new(vec![report]).unwrap());
+    let reason = json["machines"][0]["missing"].as_str().unwrap();
+    assert!(reason.contains("cannot be reached"), "{reason}");
+}
+
+/// The drawing of a mode moves nodes along the model's shape: in the plane of the
+/// picture, the largest motion as an eighth of the machine's size or less.
+#[test]
+fn drawings_move() {
+    let study = study(&edited(&[]));
+    let machine = &study.machine;
+    let review = Review::new(vec![Report::quick(machine).unwrap()]).unwrap();
+    let size = size_of(&study);
+    for mode in 1..=12 {
+        let chart = chart(&review, &format!("mode-{mode}"));
+        let [rest, bodies] = ["at rest", "legs"].map(|name| {
+            let series = chart.series.iter().find(|s| s.name == name);
+            series.unwrap_or_else(|| panic!("{name}"))
+        });
+        // Legs come first among the beams at rest, in the same order.
+        let shifts = (0..bodies.x.len()).map(|i| {
+            let shift = (bodies.x[i] - rest.x[i]).hypot(bodies.y[i] - rest.y[i]);
+            if shift.is_nan() { 0.0 } else { shift }
+        });
+        let largest = shifts.fold(0.0, f64::max);
+        assert!(largest <= 0.1201 * size, "mode {mode}: {largest}");
+        // Feet stand still.
+        assert_eq!((bodies.x[0], bodies.y[0]), (rest.x[0], rest.y[0]));
+    }
+}
+
+fn size_of(study: &Study) -> f64 {
+    let nodes = &study.machine.nodes;
+    let pairs = nodes.iter().flat_map(|a| nodes.iter().map(move |b| (a, b)));
+    pairs.map(|(a, b)| (a.at - b.at).norm()).fold(0.0, f64::max)
+}
