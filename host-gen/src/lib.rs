@@ -36,6 +36,11 @@
 //! where a name says so or a person reads them, else rad/s.
 #![forbid(unsafe_code)]
 
+/// The book's examples are tests.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/library.md")]
+pub struct Library;
+
 pub mod campaign;
 pub mod closed_loop;
 pub mod design;

@@ -331,3 +331,135 @@ fn generate_warns_of_gravity() {
     let output = host_gen(&["generate", &quiet, "--table", "t.rs"], folder.path());
     assert!(!text(&output.stdout).contains("Warning"));
 }
+
+/// A new file is a machine; an old one stays, and nothing wrong is written.
+#[test]
+fn new_writes_a_machine_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let new = |arguments: &[&str]| host_gen(&[&["new"], arguments].concat(), folder.path());
+    let made = new(&["scanner", "--mounts", "6", "--frame-mass", "300", "--yes"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let path = folder.path().join("scanner.toml");
+    let first = fs::read_to_string(&path).unwrap();
+    assert!(first.contains("mass = 300.0"));
+    let modes = json(&host_gen(
+        &["modes", "scanner.toml", "--format", "json"],
+        folder.path(),
+    ));
+    assert_eq!(modes["modes"].as_array().unwrap().len(), 12);
+
+    let again = new(&["scanner", "--yes"]);
+    assert!(!again.status.success());
+    assert!(text(&again.stderr).contains("scanner.toml exists already"));
+    assert_eq!(fs::read_to_string(&path).unwrap(), first);
+    for (arguments, says) in [
+        (["four", "--mounts", "4"], "3 mounts of two, or 6"),
+        (["light", "--frame-mass", "-1"], "--frame-mass must be"),
+        (["upright", "--leg-angle", "90"], "upright legs do not hold"),
+        (["Caps", "--radius", "1"], "lower-case letters"),
+    ] {
+        let refused = new(&arguments);
+        assert!(!refused.status.success());
+        let error = text(&refused.stderr);
+        assert!(error.contains(says), "{error}");
+    }
+    // Asked for nothing else, and nothing half-written.
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+/// The page is written whole, and beside it every chart three times.
+#[test]
+fn report_writes_page_and_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = quick_model(folder.path());
+    let report = |arguments: &[&str]| host_gen(&[&["report"], arguments].concat(), folder.path());
+    let made = report(&[&model, "--plots", "pictures"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    assert!(text(&made.stdout).starts_with("metrology-frame-report.html"));
+    let page = fs::read_to_string(folder.path().join("metrology-frame-report.html")).unwrap();
+    assert!(page.starts_with("<!doctype html>") && page.trim_end().ends_with("</html>"));
+    let count = fs::read_dir(folder.path().join("pictures"))
+        .unwrap()
+        .count();
+    assert_eq!(count, 3 * 24);
+    let json = json(&report(&[&model, "--format", "json"]));
+    assert_eq!(json["machines"][0]["machine"], "metrology-frame");
+
+    fs::write(folder.path().join("bad.toml"), "format = 1\nmass = 2\n").unwrap();
+    let refused = report(&["bad.toml", "--output", "bad.html"]);
+    assert!(!refused.status.success());
+    assert!(text(&refused.stderr).contains("bad.toml:2:1"));
+    assert!(!folder.path().join("bad.html").exists());
+}
+
+/// Colours are for terminals: none in a pipe, but where they are forced.
+#[test]
+fn colours_on_a_terminal_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = quick_model(folder.path());
+    let modes = |force: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_host-gen"))
+            .args(["modes", &model])
+            .current_dir(folder.path())
+            .env("CLICOLOR_FORCE", force)
+            .output();
+        text(&output.unwrap().stdout)
+    };
+    let (plain, coloured) = (modes("0"), modes("1"));
+    assert!(!plain.contains('\u{1b}') && coloured.starts_with("\u{1b}[1mModes of"));
+    let stripped = coloured.replace("\u{1b}[1m", "").replace("\u{1b}[0m", "");
+    assert_eq!(stripped, plain);
+}
+
+/// Names as long as people give them do not push the columns out of line.
+#[test]
+fn tables_align_with_long_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let edited = edited(&[
+        ("simulation.duration", "0.2"),
+        ("simulation.settling", "0.1"),
+    ]);
+    let long = edited.replace("block15", "the-block-under-the-second-lens-mount");
+    fs::write(folder.path().join("long.toml"), long).unwrap();
+    let output = host_gen(&["simulate", "long.toml"], folder.path());
+    let output = text(&output.stdout);
+    let rows: Vec<&str> = output
+        .lines()
+        .skip_while(|line| !line.contains("rms open"))
+        .take(7)
+        .collect();
+    let ends: Vec<usize> = rows.iter().map(|row| row.chars().count()).collect();
+    assert!(ends.iter().all(|end| *end == ends[0]), "{rows:#?}");
+}
+
+/// Every command has an example in its help, and a shell completes every command.
+#[test]
+fn help_and_completions_know_every_command() {
+    let folder = Path::new(".");
+    let help = text(&host_gen(&["--help"], folder).stdout);
+    let commands: Vec<&str> = help
+        .lines()
+        .skip_while(|line| !line.starts_with("Commands:"))
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.strip_prefix("  ")?.split_whitespace().next())
+        .filter(|name| name.chars().all(|c| c.is_ascii_lowercase()) && *name != "help")
+        .collect();
+    assert!(commands.len() >= 20, "{commands:?}");
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = text(&host_gen(&["completions", shell], folder).stdout);
+        for command in &commands {
+            assert!(script.contains(command), "{command} in {shell}");
+        }
+    }
+    for command in commands {
+        let help = text(&host_gen(&[command, "--help"], folder).stdout);
+        let example = format!("Example: host-gen {command}");
+        let example = if command == "link" {
+            "Example: host-gen link"
+        } else {
+            &example
+        };
+        assert!(help.contains(example), "{command}: {help}");
+    }
+}

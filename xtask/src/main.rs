@@ -59,6 +59,11 @@ enum Task {
         #[arg(long)]
         update: bool,
     },
+    /// The page of `host-gen report` and `watch` in Chromium: its charts, hover, moving
+    /// modes; pictures in target/browser.
+    Page(Setup),
+    /// The book: builds it, follows its links, runs its commands.
+    Docs(Setup),
     /// How long singular values and the closed loop take, and beside them the
     /// same in NumPy and SciPy where there is a Python with them.
     Speed,
@@ -127,6 +132,8 @@ fn main() -> ExitCode {
         Task::Bench { setup, update } => {
             Tools::find(!setup.no_install).and_then(|tools| bench(&tools, update))
         }
+        Task::Page(setup) => page(&setup),
+        Task::Docs(setup) => docs(&setup),
         Task::Speed => speed(),
         Task::Exudyn => exudyn(),
         Task::Build(setup) => Tools::find(!setup.no_install).and_then(|tools| {
@@ -159,7 +166,29 @@ fn test(setup: &Setup) -> Outcome<()> {
         run(&mut host_gen(&["check", model]))?;
     }
     run(cargo().args(["run", "--release", "--package", "tests", "--bin", "frames"]))?;
+    page(setup)?;
+    docs(setup)?;
     pil(&tools, SAMPLES)
+}
+
+/// The report's page in a browser.
+fn page(setup: &Setup) -> Outcome<()> {
+    tools::chromium(!setup.no_install)?;
+    run(cargo().args(["build", "--release", "--package", "host-gen"]))?;
+    let mut command = cargo();
+    command.args(["run", "--release", "--package", "tests", "--bin", "browser"]);
+    run(command.args(["--", "--browser", tools::CHROMIUM]))
+}
+
+/// The book, its links and its commands.
+fn docs(setup: &Setup) -> Outcome<()> {
+    let mdbook = tools::mdbook(!setup.no_install)?;
+    run(cargo().args(["doc", "--workspace", "--no-deps", "--quiet"]))?;
+    run(Command::new(mdbook).args(["build", "docs"]))?;
+    run(cargo().args(["build", "--release", "--package", "host-gen"]))?;
+    run(cargo().args(["run", "--release", "--package", "tests", "--bin", "docs"]))?;
+    println!("target/book/index.html");
+    Ok(())
 }
 
 fn pil(tools: &Tools, samples: u32) -> Outcome<()> {

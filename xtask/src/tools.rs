@@ -97,6 +97,60 @@ impl Tools {
     }
 }
 
+/// Where Debian puts its browser.
+pub const CHROMIUM: &str = "/usr/bin/chromium";
+
+/// Chromium; installs it from Debian's packages if `install`.
+pub fn chromium(install: bool) -> Outcome<()> {
+    if Path::new(CHROMIUM).is_file() {
+        return Ok(());
+    }
+    if !install {
+        return Err(
+            "missing: chromium (a Debian package). Install it with apt-get install --no-install-recommends chromium, or leave out --no-install"
+                .to_owned(),
+        );
+    }
+    println!("installing from Debian: chromium");
+    apt(&["update", "--quiet"])?;
+    apt(&[
+        "install",
+        "--quiet",
+        "--yes",
+        "--no-install-recommends",
+        "chromium",
+    ])
+}
+
+/// mdBook: the one on the path, else one that cargo builds here.
+pub fn mdbook(install: bool) -> Outcome<PathBuf> {
+    const ROOT: &str = "target/tools";
+    if on_path("mdbook") {
+        return Ok(PathBuf::from("mdbook"));
+    }
+    let own = Path::new(ROOT).join("bin/mdbook");
+    if own.is_file() {
+        return Ok(own);
+    }
+    if !install {
+        return Err(
+            "missing: mdbook. Install it with cargo install mdbook --locked, or leave out --no-install"
+                .to_owned(),
+        );
+    }
+    println!("building mdbook, which takes some minutes");
+    run(crate::cargo().args([
+        "install",
+        "mdbook",
+        "--version",
+        "0.5.4",
+        "--locked",
+        "--root",
+        ROOT,
+    ]))?;
+    Ok(own)
+}
+
 /// The Debian packages that would supply what is not here.
 fn missing() -> Vec<&'static str> {
     let mut packages = Vec::new();
