@@ -3,7 +3,7 @@
 use std::io::{self, IsTerminal as _};
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use dialoguer::theme::ColorfulTheme;
 use dialoguer::{Input, Select};
 use host_gen::machine::Feedback;
@@ -44,7 +44,7 @@ pub struct NewArguments {
     internal: Option<f64>,
     /// What is fed back.
     #[arg(long, value_enum)]
-    feedback: Option<Kind>,
+    feedback: Option<Feedback>,
     /// What the mounts are to look like, Hz.
     #[arg(long)]
     frequency: Option<f64>,
@@ -54,13 +54,6 @@ pub struct NewArguments {
     /// The file [default: models/NAME.toml, or NAME.toml where there is no models].
     #[arg(long)]
     output: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum Kind {
-    Acceleration,
-    Force,
-    Both,
 }
 
 fn mounts(text: &str) -> Result<Mounts, String> {
@@ -223,16 +216,12 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
     let kinds = [
         (
             "acceleration: accelerometers on the frame",
-            Kind::Acceleration,
+            Feedback::Acceleration,
         ),
-        ("force: force sensors in the legs", Kind::Force),
-        ("both", Kind::Both),
+        ("force: force sensors in the legs", Feedback::Force),
+        ("both", Feedback::Both),
     ];
-    let feedback = match ask.choice(a.feedback, "Feedback", &kinds)? {
-        Kind::Acceleration => Feedback::Acceleration,
-        Kind::Force => Feedback::Force,
-        Kind::Both => Feedback::Both,
-    };
+    let feedback = ask.choice(a.feedback, "Feedback", &kinds)?;
     let frequency = number(
         "frequency",
         a.frequency,

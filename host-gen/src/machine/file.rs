@@ -268,7 +268,9 @@ fn two() -> f64 {
 }
 
 /// What the loop feeds back.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
+#[derive(
+    clap::ValueEnum, Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Feedback {
     /// Frame accelerations (Eq. 12).

@@ -359,9 +359,13 @@ fn watched(browser: &Browser, cli: &Cli, folder: &Path) -> Result<()> {
     fs::write(&model, text.replace("mass = 742.0", "mass = -1.0"))?;
     seen.until("document.getElementById('error') !== null")?;
     let error = seen.ask("document.getElementById('error').textContent")?;
-    let place = "watched.toml:36:1: bodies.frame.mass";
+    let line = text
+        .lines()
+        .position(|line| line.starts_with("mass = 742.0"));
+    let line = line.context("the frame has a mass")? + 1;
+    let place = format!("watched.toml:{line}:1: bodies.frame.mass");
     ensure!(
-        error.as_str().is_some_and(|error| error.contains(place)),
+        error.as_str().is_some_and(|error| error.contains(&place)),
         "the page says {error}"
     );
     fs::write(&model, &text)?;
