@@ -397,15 +397,16 @@ fn report_writes_page_and_pictures() {
 fn colours_on_a_terminal_only() {
     let folder = tempfile::tempdir().unwrap();
     let model = quick_model(folder.path());
-    let modes = |force: &str| {
-        let output = Command::new(env!("CARGO_BIN_EXE_host-gen"))
-            .args(["modes", &model])
-            .current_dir(folder.path())
-            .env("CLICOLOR_FORCE", force)
-            .output();
-        text(&output.unwrap().stdout)
+    let modes = |forced: bool| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_host-gen"));
+        command.args(["modes", &model]).current_dir(folder.path());
+        command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE");
+        if forced {
+            command.env("CLICOLOR_FORCE", "1");
+        }
+        text(&command.output().unwrap().stdout)
     };
-    let (plain, coloured) = (modes("0"), modes("1"));
+    let (plain, coloured) = (modes(false), modes(true));
     assert!(!plain.contains('\u{1b}') && coloured.starts_with("\u{1b}[1mModes of"));
     let stripped = coloured.replace("\u{1b}[1m", "").replace("\u{1b}[0m", "");
     assert_eq!(stripped, plain);

@@ -186,7 +186,10 @@ fn docs(setup: &Setup) -> Outcome<()> {
     run(cargo().args(["doc", "--workspace", "--no-deps", "--quiet"]))?;
     run(Command::new(mdbook).args(["build", "docs"]))?;
     run(cargo().args(["build", "--release", "--package", "host-gen"]))?;
-    run(cargo().args(["run", "--release", "--package", "tests", "--bin", "docs"]))?;
+    let own = env::current_exe().map_err(|error| format!("this program is gone: {error}"))?;
+    let mut command = cargo();
+    command.args(["run", "--release", "--package", "tests", "--bin", "docs"]);
+    run(command.arg("--").arg("--xtask").arg(own))?;
     println!("target/book/index.html");
     Ok(())
 }

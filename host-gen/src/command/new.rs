@@ -12,6 +12,7 @@ use host_gen::outline::{Mounts, Outline};
 use crate::{Failure, write_whole};
 
 #[derive(Args)]
+#[command(allow_negative_numbers = true)]
 pub struct NewArguments {
     /// What the machine is called: lower-case letters, digits, hyphens.
     name: Option<String>,

@@ -43,6 +43,9 @@ struct Cli {
 const MODEL: &str = "models/metrology-frame.toml";
 const OTHER: &str = "models/smaller-basis.toml";
 
+/// A search that takes a laptop half a minute ends by then anywhere.
+const PATIENCE: Duration = Duration::from_secs(300);
+
 /// A page larger than this is too large to send by mail.
 const LARGEST: usize = 6_000_000;
 
@@ -63,7 +66,7 @@ fn run(cli: &Cli) -> Result<()> {
         path: Some(cli.browser.clone()),
         sandbox: false,
         window_size: Some((1280, 1000)),
-        idle_browser_timeout: Duration::from_secs(300),
+        idle_browser_timeout: 4 * PATIENCE,
         // Drawing in 3D without a graphics card; nothing but the page.
         args: [
             "--enable-unsafe-swiftshader",
@@ -72,6 +75,8 @@ fn run(cli: &Cli) -> Result<()> {
             "--disable-background-networking",
             "--disable-component-update",
             "--disable-sync",
+            // Containers have little of it.
+            "--disable-dev-shm-usage",
         ]
         .map(OsStr::new)
         .to_vec(),
@@ -163,7 +168,8 @@ impl Seen {
     }
 
     fn until(&self, expression: &str) -> Result<()> {
-        for _ in 0..1600 {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
             // While a page goes and another comes there is nobody to ask.
             if self.ask(expression).is_ok_and(|answer| answer == true) {
                 return Ok(());

@@ -27,6 +27,9 @@ struct Cli {
     /// The program.
     #[arg(long, default_value = "target/release/host-gen")]
     host_gen: PathBuf,
+    /// The program behind `cargo xtask`.
+    #[arg(long, default_value = "target/debug/xtask")]
+    xtask: PathBuf,
 }
 
 fn main() -> ExitCode {
@@ -41,6 +44,7 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> Result<()> {
     let program = fs::canonicalize(&cli.host_gen).context("host-gen is not built")?;
+    let xtask = fs::canonicalize(&cli.xtask).context("xtask is not built")?;
     let mut pages = vec![PathBuf::from("README.md")];
     for entry in fs::read_dir("docs")? {
         pages.push(entry?.path());
@@ -63,7 +67,7 @@ fn run(cli: &Cli) -> Result<()> {
             follow(page, link, &cli.book).with_context(|| format!("{}: {link}", page.display()))?;
             links += 1;
         }
-        let mut session = Session::new(&program)?;
+        let mut session = Session::new(&program, &xtask)?;
         for (kind, block) in &read.blocks {
             match kind.as_str() {
                 "console" => {
@@ -160,6 +164,7 @@ fn follow(page: &Path, link: &str, book: &Path) -> Result<()> {
 struct Session {
     folder: tempfile::TempDir,
     program: PathBuf,
+    xtask: PathBuf,
     background: Vec<Child>,
 }
 
@@ -173,7 +178,7 @@ impl Drop for Session {
 }
 
 impl Session {
-    fn new(program: &Path) -> Result<Self> {
+    fn new(program: &Path, xtask: &Path) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         for part in ["models", "firmware/src/tables"] {
             let to = folder.path().join(part);
@@ -187,6 +192,7 @@ impl Session {
         Ok(Self {
             folder,
             program: program.to_owned(),
+            xtask: xtask.to_owned(),
             background: Vec::new(),
         })
     }
@@ -203,8 +209,8 @@ impl Session {
                 command
             }
             (Some("cargo"), Some("xtask")) => {
-                let mut command = Command::new("cargo");
-                command.args(words.take(2)).arg("--help");
+                let mut command = Command::new(&self.xtask);
+                command.args(words.skip(1).take(1)).arg("--help");
                 command
             }
             _ => bail!("neither host-gen nor cargo xtask"),
