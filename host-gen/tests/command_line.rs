@@ -453,6 +453,26 @@ fn help_and_completions_know_every_command() {
             assert!(script.contains(command), "{command} in {shell}");
         }
     }
+    let link = text(&host_gen(&["link", "--at", "x:1", "--help"], folder).stdout);
+    let inner: Vec<&str> = link
+        .lines()
+        .skip_while(|line| !line.starts_with("Commands:"))
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.strip_prefix("  ")?.split_whitespace().next())
+        .filter(|name| *name != "help")
+        .collect();
+    assert!(
+        inner.contains(&"self-test") && inner.contains(&"frf"),
+        "{inner:?}"
+    );
+    for command in inner {
+        let help = text(&host_gen(&["link", command, "--help"], folder).stdout);
+        assert!(
+            help.contains(&format!(" {command}")) && help.contains("Example: host-gen link --at"),
+            "{command}"
+        );
+    }
     for command in commands {
         let help = text(&host_gen(&[command, "--help"], folder).stdout);
         let example = format!("Example: host-gen {command}");

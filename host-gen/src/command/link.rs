@@ -36,38 +36,60 @@ pub struct LinkArguments {
 #[derive(Subcommand)]
 enum Action {
     /// How things stand.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 status
     Status,
     /// Table and build.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 identity
     Identity,
     /// Each leg pushes a little, every sensor is to answer as the model says; waits
     /// for the end.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 self-test
     SelfTest,
     /// Closes the loop, gently; waits until it is closed.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 start
     Start {
         /// Comes back at once.
         #[arg(long)]
         no_wait: bool,
     },
     /// Opens the loop, gently, or ends a test or an injection; waits for it.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 stop
     Stop {
         /// Comes back at once.
         #[arg(long)]
         no_wait: bool,
     },
     /// Forgets a latched fault.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 clear
     Clear,
     /// Aims at a part of the law's force.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 gain 0.1
     Gain {
         /// Above 0 and up to 1.
         part: f32,
     },
     /// Pushes the legs.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 inject --signal sine --leg 1 --amplitude 2 --hz 50 --samples 20000
     Inject(Inject),
     /// Records samples at full rate, as CSV on standard output.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 record --after 2000 > record.csv
     Record(RecordArguments),
     /// The samples before the latched fault, as CSV on standard output.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 snapshot > fault.csv
     Snapshot,
     /// One sample out of many, live, as CSV on standard output.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 telemetry --every 2000
     Telemetry {
         /// Out of how many.
         #[arg(long, default_value_t = 200)]
@@ -77,12 +99,18 @@ enum Action {
         count: Option<u64>,
     },
     /// How the board's processor does: load, longest run, jitter, stack, last restart.
+    ///
+    /// Example: host-gen link --at /dev/ttyACM0 health
     Health,
     /// Sends the table that a machine file gives; the board checks it whole, keeps it
     /// through power failure and runs it, untested. Only while the legs are at rest.
+    ///
+    /// Example: host-gen link --at /dev/ttyACM0 table models/yours.toml
     Table(TableArguments),
     /// Measures the plant in place, and with the loop closed its sensitivity, and
     /// lays them over the model's.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 frf models/yours.toml
     Frf(Frf),
 }
 
