@@ -294,7 +294,7 @@ impl Seen {
         self.ask("document.querySelector('.tabs [data-machine=\"1\"]').click()")?;
         self.until("document.querySelectorAll('#gallery img').length > 0")?;
         let shown = self.ask("document.querySelector('#file summary').textContent")?;
-        ensure!(shown == Value::from(OTHER), "the file shown is {shown}");
+        ensure!(shown == OTHER, "the file shown is {shown}");
         Ok(())
     }
 
@@ -309,7 +309,7 @@ impl Seen {
         self.ask("window.scrollTo(0, 0)")?;
         self.picture(pictures, name)?;
         let asked = self.ask("JSON.stringify(performance.getEntriesByType('resource').map((r) => r.name).filter((n) => !n.startsWith('data:') && !n.startsWith('blob:')))")?;
-        ensure!(asked == Value::from("[]"), "it asked for {asked}");
+        ensure!(asked == "[]", "it asked for {asked}");
         let errors = self
             .errors
             .lock()
