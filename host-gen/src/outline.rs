@@ -196,7 +196,7 @@ impl Outline {
         };
         writeln!(
             f,
-            "# {}: a frame on {each}{}.\n#\n# Made by `host-gen new`. What it took for granted is at the end, under provenance;\n# put your own numbers in their place. SI units. Every key is described in\n# docs/machine-file.md; `host-gen schema` gives editors what they check it by.\n\nformat = 1\nname = \"{}\"\n",
+            "#:schema machine.schema.json\n# {}: a frame on {each}{}.\n#\n# Made by `host-gen new`. What it took for granted is at the end, under provenance;\n# put your own numbers in their place. SI units. Every key is described in\n# docs/machine-file.md; the schema beside this file has editors complete and check them.\n\nformat = 1\nname = \"{}\"\n",
             self.name,
             if payload { ", a payload below it" } else { "" },
             self.name

@@ -363,8 +363,10 @@ fn new_writes_a_machine_once() {
         let error = text(&refused.stderr);
         assert!(error.contains(says), "{error}");
     }
-    // Asked for nothing else, and nothing half-written.
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    // The machine and the schema that it names; nothing half-written.
+    assert!(first.starts_with("#:schema machine.schema.json\n"));
+    assert!(folder.path().join("machine.schema.json").is_file());
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 /// The page is written whole, and beside it every chart three times.

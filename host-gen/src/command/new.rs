@@ -7,6 +7,7 @@ use clap::Args;
 use dialoguer::theme::ColorfulTheme;
 use dialoguer::{Input, Select};
 use host_gen::machine::Feedback;
+use host_gen::machine::schema::schema;
 use host_gen::outline::{Mounts, Outline};
 
 use crate::{Failure, write_whole};
@@ -256,6 +257,11 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
         return Err(Failure::Exists(path.display().to_string()));
     }
     write_whole(&path, outline.machine_file(&path)?.as_bytes())?;
+    // What the file's first line names.
+    let beside = path.with_file_name("machine.schema.json");
+    if !beside.exists() {
+        write_whole(&beside, schema().as_bytes())?;
+    }
     let path = path.display();
     println!("{path} is written. What next?");
     println!("  host-gen modes {path}    its modes");
