@@ -35,7 +35,6 @@ use host_gen::spectrum::{Criterion, Floor, both_budgets};
 use host_gen::study::{Looped, Study, StudyError};
 use host_gen::table::emit;
 use indicatif::{ProgressBar, ProgressStyle};
-use rayon::prelude::*;
 use serde::Serialize;
 use shared::table::ValidTable;
 
@@ -270,8 +269,9 @@ struct PlantArguments {
     matrix_market: Option<PathBuf>,
 }
 
+/// The machines that a command is about.
 #[derive(Args)]
-struct Compare {
+struct Several {
     /// Machine files.
     #[arg(required = true)]
     models: Vec<PathBuf>,
@@ -279,6 +279,24 @@ struct Compare {
     /// with both.
     #[arg(long)]
     by_feedback: bool,
+}
+
+impl Several {
+    fn load(&self) -> Result<Vec<Machine>, MachineError> {
+        let machines = self.models.iter().map(|model| Machine::load(model));
+        let machines = machines.collect::<Result<Vec<_>, _>>()?;
+        Ok(if self.by_feedback {
+            machines.iter().flat_map(Machine::by_feedback).collect()
+        } else {
+            machines
+        })
+    }
+}
+
+#[derive(Args)]
+struct Compare {
+    #[command(flatten)]
+    several: Several,
     /// What to print.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -367,13 +385,9 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Floor(arguments) => floor(arguments),
         Command::Plant(arguments) => plant(arguments),
         Command::Compare(arguments) => {
-            let machines = machines(&arguments.models, arguments.by_feedback)?;
+            let machines = arguments.several.load()?;
             let bar = search_bar();
-            let looped = machines.into_par_iter().map(|machine| {
-                let study = Study::new(machine)?;
-                Ok::<_, MachineError>(Looped::new(study, &|| bar.inc(1)))
-            });
-            let looped = looped.collect::<Result<Vec<_>, _>>();
+            let looped = Looped::all(machines, &|| bar.inc(1));
             bar.finish_and_clear();
             print(arguments.format, &Compared::new(&looped?)?)
         }
@@ -387,17 +401,6 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Sil(arguments) => command::sil::sil(arguments),
         Command::Link(arguments) => command::link::link(arguments),
     }
-}
-
-/// The machines of some files; with `by_feedback` each once with every feedback.
-fn machines(models: &[PathBuf], by_feedback: bool) -> Result<Vec<Machine>, MachineError> {
-    let machines = models.iter().map(|model| Machine::load(model));
-    let machines = machines.collect::<Result<Vec<_>, _>>()?;
-    Ok(if by_feedback {
-        machines.iter().flat_map(Machine::by_feedback).collect()
-    } else {
-        machines
-    })
 }
 
 fn study(model: &Path) -> Result<Study, Failure> {

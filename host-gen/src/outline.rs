@@ -5,7 +5,7 @@
 //! `models/metrology-frame.toml`, and marked as assumed.
 
 use core::f64::consts::TAU;
-use core::fmt::Write as _;
+use core::fmt::{Display, Write as _};
 use std::path::Path;
 
 use crate::energy::{Kind, energies};
@@ -77,12 +77,6 @@ struct Leg {
     foot: [f64; 3],
 }
 
-/// What is sensed on which mount, and what the base does at which foot.
-struct Directions {
-    along: [f64; 3],
-    up: [f64; 3],
-}
-
 /// Ten digits, and no sign at a zero.
 fn digits(x: f64) -> f64 {
     let rounded: f64 = format!("{x:.9e}").parse().unwrap_or(x);
@@ -94,7 +88,7 @@ fn vector(v: [f64; 3]) -> String {
     format!("[{x:?}, {y:?}, {z:?}]")
 }
 
-fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+fn names(names: impl IntoIterator<Item = impl Display>) -> String {
     let names = names.into_iter().map(|name| format!("\"{name}\""));
     names.collect::<Vec<_>>().join(", ")
 }
@@ -112,11 +106,26 @@ impl Outline {
         TAU * (0.25 + i as f64 / self.mount_count() as f64)
     }
 
-    fn directions(&self, i: usize) -> Directions {
+    /// The mount that leg `n` stands under.
+    fn mount_of(&self, n: usize) -> usize {
+        match self.mounts {
+            Mounts::Three => n / 2,
+            Mounts::Six => n,
+        }
+    }
+
+    /// Along the circle at mount `i`.
+    fn along(&self, i: usize) -> [f64; 3] {
         let (sin, cos) = self.bearing(i).sin_cos();
-        Directions {
-            along: [-sin, cos, 0.0],
-            up: [0.0, 0.0, 1.0],
+        [-sin, cos, 0.0]
+    }
+
+    /// The nth of six directions at the mounts, three along the circle and three up.
+    fn direction(&self, n: usize) -> (&'static str, [f64; 3]) {
+        if n.is_multiple_of(2) {
+            ("along", self.along(self.mount_of(n)))
+        } else {
+            ("up", [0.0, 0.0, 1.0])
         }
     }
 
@@ -127,22 +136,18 @@ impl Outline {
 
     fn legs(&self) -> Vec<Leg> {
         let out = self.height / self.leg_angle.to_radians().tan();
-        let leg = |mount: usize, side: f64, number: usize| {
+        let leg = |n: usize| {
+            let mount = self.mount_of(n);
+            let side = if n.is_multiple_of(2) { out } else { -out };
             let at = self.on_circle(mount, self.radius, -self.height);
-            let along = self.directions(mount).along;
-            let foot = core::array::from_fn(|k| at[k] + side * out * along[k]);
+            let along = self.along(mount);
             Leg {
-                name: format!("leg{}", number + 1),
+                name: format!("leg{}", n + 1),
                 mount,
-                foot,
+                foot: core::array::from_fn(|k| at[k] + side * along[k]),
             }
         };
-        (0..6)
-            .map(|n| match self.mounts {
-                Mounts::Three => leg(n / 2, if n % 2 == 0 { 1.0 } else { -1.0 }, n),
-                Mounts::Six => leg(n, if n % 2 == 0 { 1.0 } else { -1.0 }, n),
-            })
-            .collect()
+        (0..6).map(leg).collect()
     }
 
     /// The text of the machine file, commented, its bands laid by its modes.
@@ -225,11 +230,10 @@ impl Outline {
                 writeln!(f, "frame{} = {}", i + 1, vector(turned(i, 0.0)))?;
             }
         }
-        let feet: Vec<String> = (1..=6).map(|n| format!("foot{n}")).collect();
         writeln!(
             f,
             "\n[base]\nnodes = [{}]",
-            names(feet.iter().map(String::as_str))
+            names((1..=6).map(|n| format!("foot{n}")))
         )?;
 
         let disc = self.frame_mass * self.radius * self.radius;
@@ -242,7 +246,7 @@ impl Outline {
             "\n[bodies.frame]\nmass = {:?} # kg\ninertia = {} # kg m², about its centre of gravity: a disc of the mounts' radius\ncog = [0.0, 0.0, 0.0] # m, in the plane of the mounts\nnodes = [{}]",
             self.frame_mass,
             vector([0.25 * disc, 0.25 * disc, 0.5 * disc]),
-            names(on_frame.iter().map(String::as_str))
+            names(&on_frame)
         )?;
         if payload {
             // A cylinder that reaches as far above its centre as below.
@@ -269,13 +273,7 @@ impl Outline {
             writeln!(
                 f,
                 "deformations = [{}]",
-                names(
-                    (1..=6)
-                        .map(|k| format!("block1.e{k}"))
-                        .collect::<Vec<_>>()
-                        .iter()
-                        .map(String::as_str)
-                )
+                names((1..=6).map(|k| format!("block1.e{k}")))
             )?;
             writeln!(
                 f,
@@ -348,17 +346,10 @@ impl Outline {
             } else {
                 ""
             },
-            names(
-                legs.iter()
-                    .map(|leg| format!("{}.e1", leg.name))
-                    .collect::<Vec<_>>()
-                    .iter()
-                    .map(String::as_str)
-            )
+            names(legs.iter().map(|leg| format!("{}.e1", leg.name)))
         )?;
         if payload {
-            let block: Vec<String> = (1..=6).map(|k| format!("block1.e{k}")).collect();
-            writeln!(f, "    {},", names(block.iter().map(String::as_str)))?;
+            writeln!(f, "    {},", names((1..=6).map(|k| format!("block1.e{k}"))))?;
         }
         writeln!(f, "]")
     }
@@ -367,7 +358,7 @@ impl Outline {
         writeln!(
             f,
             "\n# Channels 1 to 6.\n[actuators]\nbeams = [{}]",
-            names(legs.iter().map(|leg| &leg.name[..]))
+            names(legs.iter().map(|leg| &leg.name))
         )?;
         writeln!(
             f,
@@ -381,17 +372,8 @@ impl Outline {
             )
         };
         for n in 0..6 {
-            // Three along and three up, spread over the mounts.
-            let mount = match self.mounts {
-                Mounts::Three => n / 2,
-                Mounts::Six => n,
-            };
-            let Directions { along, up } = self.directions(mount);
-            let (name, d) = if n % 2 == 0 {
-                ("along", along)
-            } else {
-                ("up", up)
-            };
+            let mount = self.mount_of(n);
+            let (name, d) = self.direction(n);
             let node = format!("mount{}", mount + 1);
             direction(f, &format!("{name}{}", mount + 1), &node, d)?;
         }
@@ -403,13 +385,8 @@ impl Outline {
             f,
             "\n# Six motions that say how the base moves.\n[floor.inputs]"
         )?;
-        for (n, leg) in legs.iter().enumerate() {
-            let Directions { along, up } = self.directions(leg.mount);
-            let (name, d) = if n % 2 == 0 {
-                ("along", along)
-            } else {
-                ("up", up)
-            };
+        for n in 0..6 {
+            let (name, d) = self.direction(n);
             let node = format!("foot{}", n + 1);
             direction(f, &format!("floor-{name}{}", n + 1), &node, d)?;
         }

@@ -69,6 +69,12 @@ impl Criterion {
         }
     }
 
+    /// Whether it says anything of the one-third-octave band about `hz`. The nominal
+    /// centres are 4, 5, 6.3 Hz and so on; 10^0.6 is 3.98.
+    pub fn covers(self, hz: f64) -> bool {
+        hz > 0.98 * self.begins()
+    }
+
     /// The rms velocity in the one-third-octave band about `hz`, m/s. VC-A and
     /// B are flat from 8 Hz and rise as 1/f from there down to 4 Hz; C to G are
     /// flat; NIST-A is 0.025 µm up to 20 Hz and 3.1 µm/s above. Beyond its ends
@@ -87,6 +93,11 @@ impl Criterion {
             Self::NistA => 3.1,
         }
     }
+}
+
+/// Centres of the one-third-octave bands from 1 to 80 Hz.
+pub fn third_centres() -> impl Iterator<Item = f64> {
+    (0..20).map(|n| 10f64.powf(f64::from(n) / 10.0))
 }
 
 /// A floor: the acceleration of each of its six inputs, independent of the
@@ -283,8 +294,7 @@ impl Budget {
     /// its powers by source.
     pub fn thirds(&self) -> Vec<(f64, f64, Powers)> {
         let (first, last) = (self.hz[0], self.hz[self.hz.len() - 1]);
-        (0..20)
-            .map(|n| 10f64.powf(f64::from(n) / 10.0))
+        third_centres()
             .filter_map(|centre| {
                 let half = 2f64.powf(1.0 / 6.0);
                 let (low, high) = (centre / half, centre * half);
@@ -307,8 +317,7 @@ impl Budget {
         let met = |criterion: &Criterion| {
             thirds
                 .iter()
-                // The nominal centres are 4, 5, 6.3 Hz and so on; 10^0.6 is 3.98.
-                .filter(|(hz, ..)| *hz > 0.98 * criterion.begins())
+                .filter(|(hz, ..)| criterion.covers(*hz))
                 .all(|(hz, velocity, _)| *velocity <= criterion.velocity(*hz))
         };
         Criterion::VC.into_iter().rev().find(met)

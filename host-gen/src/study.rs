@@ -47,8 +47,19 @@ impl Looped {
         machine: &Machine,
         progress: &(dyn Fn() + Sync),
     ) -> Result<Vec<Self>, MachineError> {
-        let machines = machine.by_feedback().into_par_iter();
+        Self::all(machine.by_feedback(), progress)
+    }
+
+    /// Of machines, one beside the other.
+    ///
+    /// # Errors
+    /// As [`Study::new`].
+    pub fn all(
+        machines: Vec<Machine>,
+        progress: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Self>, MachineError> {
         machines
+            .into_par_iter()
             .map(|machine| Ok(Self::new(Study::new(machine)?, progress)))
             .collect()
     }

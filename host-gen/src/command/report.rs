@@ -10,16 +10,12 @@ use host_gen::report::plots::{csv, png, svg};
 use host_gen::report::{Report, Review};
 use host_gen::spectrum::Criterion;
 
-use crate::{Failure, Format, in_study, machines, print_text, search_bar, write_whole};
+use crate::{Failure, Format, Several, in_study, print_text, search_bar, write_whole};
 
 #[derive(Args)]
 pub struct ReportArguments {
-    /// Machine files; of several the page also shows what differs.
-    #[arg(required = true)]
-    models: Vec<PathBuf>,
-    /// Each machine once with every kind of feedback it has sensors for.
-    #[arg(long)]
-    by_feedback: bool,
+    #[command(flatten)]
+    several: Several,
     /// What to make: the page, or JSON on standard output.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -35,14 +31,14 @@ pub struct ReportArguments {
 }
 
 pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
-    let machines = machines(&arguments.models, arguments.by_feedback)?;
+    let machines = arguments.several.load()?;
     let bar = search_bar();
     let reports = machines
         .iter()
         .map(|machine| Report::new(machine, arguments.criterion, &|| bar.inc(1)));
     let reports = reports.collect::<Result<Vec<_>, _>>();
     bar.finish_and_clear();
-    let of = in_study(&arguments.models[0]);
+    let of = in_study(&arguments.several.models[0]);
     let review = reports.and_then(Review::new).map_err(of)?;
     let path = match &arguments.output {
         Some(path) => path.clone(),

@@ -290,8 +290,7 @@ async fn current(State(shown): State<watch::Receiver<Shown>>) -> Html<String> {
   for (let number = {number} - 1; ;) {{
     try {{
       const next = await (await fetch(`/next?after=${{number}}`)).json();
-      if (next.number !== {number}) update(next.review, next.error);
-      else update(null, next.error);
+      update(next.number === {number} ? null : next.review, next.error);
       number = next.number;
     }} catch {{
       await new Promise((again) => setTimeout(again, 500));

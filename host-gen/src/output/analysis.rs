@@ -232,6 +232,16 @@ pub(crate) struct Curve {
     pub(crate) name: String,
     /// The largest singular value of G11 at every `hz`.
     pub(crate) sigma_max: Vec<f64>,
+    /// What is fed back and how; none without control.
+    #[serde(skip)]
+    pub(crate) of: Option<(Feedback, Law)>,
+}
+
+/// The paper's law, or the board's.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Law {
+    Ideal,
+    Sampled,
 }
 
 /// Where to evaluate singular values.
@@ -298,8 +308,13 @@ impl Sigma {
             Frequencies::Adaptive { low, high, count } => grid(low, high, count, &peaks),
             Frequencies::At(hz) => hz,
         };
-        let curve = |name: String, sigma: &(dyn Fn(f64) -> f64 + Sync)| Curve {
-            name,
+        let curve = |of: Option<(Feedback, Law)>, sigma: &(dyn Fn(f64) -> f64 + Sync)| Curve {
+            name: match of {
+                None => "open".to_owned(),
+                Some((kind, Law::Ideal)) => format!("{}, ideal", kind.name()),
+                Some((kind, Law::Sampled)) => format!("{}, sampled", kind.name()),
+            },
+            of,
             sigma_max: hz.par_iter().map(|&hz| sigma(hz)).collect(),
         };
         let mut curves = Vec::new();
@@ -307,18 +322,18 @@ impl Sigma {
             let plant = &study.plant.plant;
             let rows = plant.performance();
             if i == 0 {
-                curves.push(curve("open".to_owned(), &|hz| {
+                curves.push(curve(None, &|hz| {
                     largest_singular_value(&plant.response(hz).from_floor(rows.clone()))
                 }));
             }
-            let name = study.design.feedback.name();
+            let kind = study.design.feedback;
             if *ideal_holds {
-                curves.push(curve(format!("{name}, ideal"), &|hz| {
+                curves.push(curve(Some((kind, Law::Ideal)), &|hz| {
                     largest_singular_value(&close_ideal(plant, &study.gains, hz, rows.clone()))
                 }));
             }
             if let Some(closed) = sampled {
-                curves.push(curve(format!("{name}, sampled"), &|hz| {
+                curves.push(curve(Some((kind, Law::Sampled)), &|hz| {
                     largest_singular_value(&closed.close(hz, rows.clone()))
                 }));
             }

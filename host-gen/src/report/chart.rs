@@ -21,6 +21,27 @@ pub struct Chart {
     pub marks: Vec<(f64, String)>,
 }
 
+impl Chart {
+    /// Without marks.
+    pub fn new(
+        id: &'static str,
+        title: impl Into<String>,
+        note: impl Into<String>,
+        [x, y]: [Axis; 2],
+        series: Vec<Series>,
+    ) -> Self {
+        Self {
+            id,
+            title: title.into(),
+            note: note.into(),
+            x,
+            y,
+            series,
+            marks: Vec::new(),
+        }
+    }
+}
+
 /// An axis.
 #[derive(Clone, Debug, Serialize)]
 pub struct Axis {

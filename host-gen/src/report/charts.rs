@@ -12,10 +12,10 @@ use crate::history::History;
 use crate::law::LinearLaw;
 use crate::linear::largest_singular_value;
 use crate::machine::{Feedback, Machine};
-use crate::output::analysis::Sigma;
+use crate::output::analysis::{Law, Sigma};
 use crate::plant::{Gain, pole_peaks};
 use crate::shaping::{ShapingError, isolation_band};
-use crate::spectrum::{Budget, Criterion, SOURCES, Spectra};
+use crate::spectrum::{Budget, Criterion, SOURCES, Spectra, third_centres};
 use crate::study::{Looped, Study};
 use crate::zeros::transmission_zeros;
 
@@ -45,30 +45,26 @@ pub fn sigma(sigma: &Sigma, own: Feedback) -> Chart {
     let series = sigma.curves.iter().map(|curve| {
         let points = sigma.hz.iter().zip(&curve.sigma_max);
         let points = points.map(|(hz, sigma)| (*hz, db(*sigma)));
-        let kinds = [Feedback::Acceleration, Feedback::Force, Feedback::Both];
-        let kind = |kind: &Feedback| {
-            let name = curve.name.split(',').next();
-            name == Some(kind.name())
-        };
-        let kind = kinds.into_iter().find(kind);
-        let series = Series::line(&curve.name, kind.map_or(Colour::Open, colour), points);
-        let sampled = curve.name.ends_with("sampled");
-        match kind {
-            None => series.main(),
-            Some(_) if !sampled => series.styled(Style::Dashed),
-            Some(kind) if kind == own => series.main(),
-            Some(_) => series,
+        let name = &curve.name;
+        match curve.of {
+            None => Series::line(name, Colour::Open, points).main(),
+            Some((kind, law)) => {
+                let series = Series::line(name, colour(kind), points);
+                match law {
+                    Law::Ideal => series.styled(Style::Dashed),
+                    Law::Sampled if kind == own => series.main(),
+                    Law::Sampled => series,
+                }
+            }
         }
     });
-    Chart {
-        id: "sigma",
-        title: "From the floor to the performance outputs: σ_max(G11)".to_owned(),
-        note: "The worst that the floor can do to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better. Dashed: the ideal law, without delay or sampling. Solid: the law as the board runs it.".to_owned(),
-        x: hertz(),
-        y: Axis::linear("σ_max(G11), dB"),
-        series: series.collect(),
-        marks: Vec::new(),
-    }
+    Chart::new(
+        "sigma",
+        "From the floor to the performance outputs: σ_max(G11)",
+        "The worst that the floor can do to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better. Dashed: the ideal law, without delay or sampling. Solid: the law as the board runs it.",
+        [hertz(), Axis::linear("σ_max(G11), dB")],
+        series.collect(),
+    )
 }
 
 /// How the machine as a whole follows the floor.
@@ -111,15 +107,13 @@ pub fn isolation(own: &Looped) -> Result<Chart, ShapingError> {
         series.push(Series::line("sampled", colour, sampled).main());
     }
     series.push(limit("1/√2: isolates below", low, high, -db(2.0) / 2.0));
-    Ok(Chart {
-        id: "isolation",
-        title: "How the machine follows the floor: transmissibility".to_owned(),
-        note: "All bodies as one, in the worst direction: 0 dB moves with the floor, below −3 dB the machine is isolated. A hard mount without control follows up to its suspension modes and amplifies there.".to_owned(),
-        x: hertz(),
-        y: Axis::linear("transmissibility, dB"),
+    Ok(Chart::new(
+        "isolation",
+        "How the machine follows the floor: transmissibility",
+        "All bodies as one, in the worst direction: 0 dB moves with the floor, below −3 dB the machine is isolated. A hard mount without control follows up to its suspension modes and amplifies there.",
+        [hertz(), Axis::linear("transmissibility, dB")],
         series,
-        marks: Vec::new(),
-    })
+    ))
 }
 
 /// Loop gain by mode, sensitivity, and the Nyquist curves of the modes.
@@ -175,33 +169,30 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], ShapingError> 
         ..Axis::linear(label)
     };
     Ok([
-        Chart {
-            id: "loop-gain",
-            title: "Loop gain by mode".to_owned(),
-            note: "Opened at the force along each mode of the design model. Where it is large, the loop replaces what the machine does by what it is asked to do.".to_owned(),
-            x: hertz(),
-            y: Axis::linear("|L|, dB"),
-            series: gains,
- marks: Vec::new(),
-},
-        Chart {
-            id: "sensitivity",
-            title: "Sensitivity: what the loop amplifies".to_owned(),
-            note: "The largest singular value of (1 + L)⁻¹, all modes at once. Below 0 dB the loop helps, above it pays for that; the peak is what the margins are made of.".to_owned(),
-            x: hertz(),
-            y: Axis::linear("σ_max(S), dB"),
-            series: sensitivity,
- marks: Vec::new(),
-},
-        Chart {
-            id: "nyquist",
-            title: "Nyquist curves of the modes".to_owned(),
-            note: "L of each mode in the complex plane, from low frequency to half the sample rate. Where modes hardly couple, none enters the circle about −1.".to_owned(),
-            x: equal("Re L").from_to(-3.0, 2.0),
-            y: equal("Im L").from_to(-2.0, 2.0),
-            series: nyquist,
- marks: Vec::new(),
-},
+        Chart::new(
+            "loop-gain",
+            "Loop gain by mode",
+            "Opened at the force along each mode of the design model. Where it is large, the loop replaces what the machine does by what it is asked to do.",
+            [hertz(), Axis::linear("|L|, dB")],
+            gains,
+        ),
+        Chart::new(
+            "sensitivity",
+            "Sensitivity: what the loop amplifies",
+            "The largest singular value of (1 + L)⁻¹, all modes at once. Below 0 dB the loop helps, above it pays for that; the peak is what the margins are made of.",
+            [hertz(), Axis::linear("σ_max(S), dB")],
+            sensitivity,
+        ),
+        Chart::new(
+            "nyquist",
+            "Nyquist curves of the modes",
+            "L of each mode in the complex plane, from low frequency to half the sample rate. Where modes hardly couple, none enters the circle about −1.",
+            [
+                equal("Re L").from_to(-3.0, 2.0),
+                equal("Im L").from_to(-2.0, 2.0),
+            ],
+            nyquist,
+        ),
     ])
 }
 
@@ -262,18 +253,19 @@ pub fn frequencies(looped: &[Looped]) -> Chart {
         }
     }
     let highest = (names.len() - 1) as f64;
-    Chart {
-        id: "frequencies",
-        title: "Zeros beside modes and poles".to_owned(),
-        note: "High gain draws poles onto the zeros of the path from leg forces to sensors (section 3 of the paper): what sits there, the loop has no hold of. Zeros far below the modes are good; zeros among them are what force feedback through stiff legs runs into.".to_owned(),
-        x: hertz().from_to(0.05, 2000.0),
-        y: Axis {
-            names,
-            ..Axis::linear("").from_to(-0.5, highest + 0.5)
-        },
+    Chart::new(
+        "frequencies",
+        "Zeros beside modes and poles",
+        "High gain draws poles onto the zeros of the path from leg forces to sensors (section 3 of the paper): what sits there, the loop has no hold of. Zeros far below the modes are good; zeros among them are what force feedback through stiff legs runs into.",
+        [
+            hertz().from_to(0.05, 2000.0),
+            Axis {
+                names,
+                ..Axis::linear("").from_to(-0.5, highest + 0.5)
+            },
+        ],
         series,
-        marks: Vec::new(),
-    }
+    )
 }
 
 fn points_of(
@@ -301,8 +293,7 @@ pub fn vibration(floor: &str, [open, closed]: &[Budget; 2]) -> [Chart; 2] {
         Series::line("closed", Colour::Acceleration, thirds(closed)).main(),
     ];
     for criterion in Criterion::VC {
-        let hz = (0..20).map(|n| 10f64.powf(f64::from(n) / 10.0));
-        let own = hz.filter(|hz| *hz > 0.98 * criterion.begins());
+        let own = third_centres().filter(|hz| criterion.covers(*hz));
         let points = own.map(|hz| (hz, 1e6 * criterion.velocity(hz)));
         series.push(Series::line(criterion.name(), Colour::Limit, points).styled(Style::Limit));
     }
@@ -329,24 +320,22 @@ pub fn vibration(floor: &str, [open, closed]: &[Budget; 2]) -> [Chart; 2] {
         );
     }
     [
-        Chart {
-            id: "vibration",
-            title: "Velocity of the frame on the vibration criteria".to_owned(),
-            note: format!("One-third octaves, rms, the worst of x, y and z, on the floor {floor}. A frame meets a criterion whose line it stays below."),
-            x: hertz().from_to(0.9, 100.0),
-            y: Axis::log("velocity, µm/s rms"),
+        Chart::new(
+            "vibration",
+            "Velocity of the frame on the vibration criteria",
+            format!(
+                "One-third octaves, rms, the worst of x, y and z, on the floor {floor}. A frame meets a criterion whose line it stays below."
+            ),
+            [hertz().from_to(0.9, 100.0), Axis::log("velocity, µm/s rms")],
             series,
- marks: Vec::new(),
-},
-        Chart {
-            id: "spectrum",
-            title: "Spectrum of the performance, and where it comes from".to_owned(),
-            note: "Amplitude density of all performance outputs together. The dashed lines divide the closed loop's among floor, sensor noise and converters: the noise budget by frequency.".to_owned(),
-            x: hertz(),
-            y: Axis::log("m/s²/√Hz"),
-            series: spectrum,
- marks: Vec::new(),
-},
+        ),
+        Chart::new(
+            "spectrum",
+            "Spectrum of the performance, and where it comes from",
+            "Amplitude density of all performance outputs together. The dashed lines divide the closed loop's among floor, sensor noise and converters: the noise budget by frequency.",
+            [hertz(), Axis::log("m/s²/√Hz")],
+            spectrum,
+        ),
     ]
 }
 
@@ -390,55 +379,51 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
     forces.push(limit("limit", 0.0, ending, limit_of).shown(false));
     [
         Chart {
-            id: "session",
-            title: "A session, from rest to the closed loop".to_owned(),
-            note: format!(
-                "The firmware's controller on the simulated machine, converters and noise included, on the floor of its file ({:e} m/s² rms, {} to {} Hz). All performance outputs together, rms over 50 ms. The self-test pushes each leg in turn; then the loop closes gently.",
-                machine.simulation.floor_rms,
-                machine.simulation.floor_band[0],
-                machine.simulation.floor_band[1],
-            ),
-            x: Axis::linear("time, s"),
-            y: Axis::log("m/s² rms"),
-            series: vec![
-                Series::line(
-                    "legs at rest",
-                    Colour::Open,
-                    time().zip(envelope.open.iter().copied()),
-                )
-                .main(),
-                Series::line(
-                    "under the controller",
-                    colour(machine.target.feedback),
-                    time().zip(envelope.closed.iter().copied()),
-                )
-                .main(),
-            ],
             marks: history
                 .phases
                 .iter()
                 .map(|phase| (phase.from, phase.mode.to_owned()))
                 .collect(),
+            ..Chart::new(
+                "session",
+                "A session, from rest to the closed loop",
+                format!(
+                    "The firmware's controller on the simulated machine, converters and noise included, on the floor of its file ({:e} m/s² rms, {} to {} Hz). All performance outputs together, rms over 50 ms. The self-test pushes each leg in turn; then the loop closes gently.",
+                    machine.simulation.floor_rms,
+                    machine.simulation.floor_band[0],
+                    machine.simulation.floor_band[1],
+                ),
+                [Axis::linear("time, s"), Axis::log("m/s² rms")],
+                vec![
+                    Series::line(
+                        "legs at rest",
+                        Colour::Open,
+                        time().zip(envelope.open.iter().copied()),
+                    )
+                    .main(),
+                    Series::line(
+                        "under the controller",
+                        colour(machine.target.feedback),
+                        time().zip(envelope.closed.iter().copied()),
+                    )
+                    .main(),
+                ],
+            )
         },
-        Chart {
-            id: "close-up",
-            title: "The same floor with and without control".to_owned(),
-            note: "The last half second of the session. Click the legend for other outputs."
-                .to_owned(),
-            x: Axis::linear("time, s"),
-            y: Axis::linear("m/s²"),
-            series: lines,
-            marks: Vec::new(),
-        },
-        Chart {
-            id: "forces",
-            title: "Forces of the legs during the session".to_owned(),
-            note: format!("Largest in 50 ms; the limit is {limit_of} N."),
-            x: Axis::linear("time, s"),
-            y: Axis::linear("force, N"),
-            series: forces,
-            marks: Vec::new(),
-        },
+        Chart::new(
+            "close-up",
+            "The same floor with and without control",
+            "The last half second of the session. Click the legend for other outputs.".to_owned(),
+            [Axis::linear("time, s"), Axis::linear("m/s²")],
+            lines,
+        ),
+        Chart::new(
+            "forces",
+            "Forces of the legs during the session",
+            format!("Largest in 50 ms; the limit is {limit_of} N."),
+            [Axis::linear("time, s"), Axis::linear("force, N")],
+            forces,
+        ),
     ]
 }
 
@@ -513,28 +498,24 @@ pub fn drawings(study: &Study) -> Vec<Chart> {
             Series::line("other beams", Colour::Nth(2), others),
         ]
     };
-    let mut drawings = vec![Chart {
-        id: "machine",
-        title: format!("{}: legs, bodies, beams", machine.name),
-        note: "Seen from above and the side.".to_owned(),
-        x: axis(),
-        y: axis(),
-        series: drawn((legs.clone(), others.clone(), bodies)),
-        marks: Vec::new(),
-    }];
+    let mut drawings = vec![Chart::new(
+        "machine",
+        format!("{}: legs, bodies, beams", machine.name),
+        "Seen from above and the side.",
+        [axis(), axis()],
+        drawn((legs.clone(), others.clone(), bodies)),
+    )];
     for (i, hz) in modes.hertz().into_iter().enumerate() {
         let rest = [legs.clone(), others.clone()].concat();
         let mut series = vec![Series::line("at rest", Colour::Open, rest).styled(Style::Dashed)];
         series.extend(drawn(beams(Some(modes.shapes.column(i).into_owned()))));
-        drawings.push(Chart {
-            id: "mode",
-            title: format!("mode {}, {hz:.2} Hz", i + 1),
-            note: "The largest motion is drawn as an eighth of the machine.".to_owned(),
-            x: axis(),
-            y: axis(),
+        drawings.push(Chart::new(
+            "mode",
+            format!("mode {}, {hz:.2} Hz", i + 1),
+            "The largest motion is drawn as an eighth of the machine.",
+            [axis(), axis()],
             series,
-            marks: Vec::new(),
-        });
+        ));
     }
     drawings
 }
