@@ -8,9 +8,9 @@ use core::f64::consts::TAU;
 use core::fmt::{Display, Write as _};
 use std::path::Path;
 
-use crate::energy::{Kind, energies};
+use crate::model::energy::{Kind, energies};
 use crate::machine::{Feedback, Machine, MachineError};
-use crate::multibody::Multibody;
+use crate::model::multibody::Multibody;
 
 /// Mounts about the frame: six legs in all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

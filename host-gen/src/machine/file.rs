@@ -268,9 +268,7 @@ fn two() -> f64 {
 }
 
 /// What the loop feeds back.
-#[derive(
-    clap::ValueEnum, Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq,
-)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Feedback {
     /// Frame accelerations (Eq. 12).
@@ -282,6 +280,9 @@ pub enum Feedback {
 }
 
 impl Feedback {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Acceleration, Self::Force, Self::Both];
+
     /// `"acceleration"`, `"force"` or `"both"`, as in the file.
     pub fn name(self) -> &'static str {
         match self {
@@ -289,6 +290,21 @@ impl Feedback {
             Self::Force => "force",
             Self::Both => "both",
         }
+    }
+}
+
+/// A name that is none of a kind of feedback.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("not a kind of feedback: write acceleration, force or both")]
+pub struct UnknownFeedback;
+
+impl core::str::FromStr for Feedback {
+    type Err = UnknownFeedback;
+
+    fn from_str(name: &str) -> Result<Self, UnknownFeedback> {
+        let mut all = Self::ALL.into_iter();
+        all.find(|feedback| feedback.name() == name)
+            .ok_or(UnknownFeedback)
     }
 }
 

@@ -341,7 +341,11 @@ impl Machine {
     /// and its centre of gravity elsewhere, every leg stiffer or softer. Each
     /// has a random stream of its own, so the order does not matter.
     pub fn drawn(&self, index: usize) -> Self {
-        let settings = &self.robustness;
+        self.drawn_with(&self.robustness, index)
+    }
+
+    /// The same with other `settings` than the file's.
+    pub fn drawn_with(&self, settings: &Robustness, index: usize) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
         random.set_stream(index as u64);
         // Even between −1 and 1.

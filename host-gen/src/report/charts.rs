@@ -5,19 +5,22 @@ use rayon::prelude::*;
 use shared::LEGS;
 
 use super::chart::{Axis, Chart, Colour, Scale, Series, Style};
-use crate::closed_loop::{SampledLoop, Six, close_ideal, grid, stable};
-use crate::design::ideal_poles;
-use crate::energy::{Kind, energies};
-use crate::history::History;
-use crate::law::LinearLaw;
-use crate::linear::largest_singular_value;
+use crate::analysis::criterion::{Criterion, third_centres};
+use crate::analysis::sigma::{LawKind, SigmaAnalysis};
+use crate::analysis::vibration::{Budget, SOURCES, Spectra};
+use crate::closed_loop::isolation::isolation_band;
+use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
+use crate::control::LinearLaw;
+use crate::design::{DesignedStudy, Study};
 use crate::machine::{Feedback, Machine};
-use crate::output::analysis::{Law, Sigma};
-use crate::plant::{Gain, pole_peaks};
-use crate::shaping::{ShapingError, isolation_band};
-use crate::spectrum::{Budget, Criterion, SOURCES, Spectra, third_centres};
-use crate::study::{Looped, Study};
-use crate::zeros::transmission_zeros;
+use crate::model::energy::{Kind, energies};
+use crate::numeric::NumericError;
+use crate::numeric::frequencies::{grid, pole_peaks};
+use crate::numeric::singular::largest_singular_value;
+use crate::numeric::six::ComplexMatrix6;
+use crate::plant::Gain;
+use crate::plant::zeros::transmission_zeros;
+use crate::simulate::session::History;
 
 fn db(x: f64) -> f64 {
     20.0 * x.log10()
@@ -41,7 +44,7 @@ fn limit(name: impl Into<String>, from: f64, to: f64, y: f64) -> Series {
 }
 
 /// σ_max(G11), Fig. 5. `own` is the feedback of the machine's file.
-pub fn sigma(sigma: &Sigma, own: Feedback) -> Chart {
+pub fn sigma(sigma: &SigmaAnalysis, own: Feedback) -> Chart {
     let series = sigma.curves.iter().map(|curve| {
         let points = sigma.hz.iter().zip(&curve.sigma_max);
         let points = points.map(|(hz, sigma)| (*hz, db(*sigma)));
@@ -51,9 +54,9 @@ pub fn sigma(sigma: &Sigma, own: Feedback) -> Chart {
             Some((kind, law)) => {
                 let series = Series::line(name, colour(kind), points);
                 match law {
-                    Law::Ideal => series.styled(Style::Dashed),
-                    Law::Sampled if kind == own => series.main(),
-                    Law::Sampled => series,
+                    LawKind::Ideal => series.styled(Style::Dashed),
+                    LawKind::Sampled if kind == own => series.main(),
+                    LawKind::Sampled => series,
                 }
             }
         }
@@ -70,22 +73,22 @@ pub fn sigma(sigma: &Sigma, own: Feedback) -> Chart {
 /// How the machine as a whole follows the floor.
 ///
 /// # Errors
-/// Where an eigenvalue iteration does not end.
-pub fn isolation(own: &Looped) -> Result<Chart, ShapingError> {
+/// Where an eigenvalue iteration does not converge.
+pub fn isolation(own: &DesignedStudy) -> Result<Chart, NumericError> {
     let study = &own.study;
-    let plant = &study.plant.plant;
+    let plant = &study.plant().plant;
     let rigid = plant.rigid_floor.map(Complex::from);
     let whole = plant.whole();
-    let [low, high] = isolation_band(&study.design, study.machine.target.frequency);
-    let ideal = ideal_poles(&plant.state_space, &study.gains).ok_or(ShapingError::Eigenvalues)?;
-    let closed = own.sampled.as_ref().ok().map(|(table, _)| SampledLoop {
-        plant: &study.plant,
-        law: LinearLaw::new(table),
+    let [low, high] = isolation_band(study.design_model(), study.machine().target.frequency);
+    let ideal = ideal_poles(&plant.state_space, study.gains())?;
+    let closed = own.design.as_ref().ok().map(|design| SampledLoop {
+        plant: study.plant(),
+        law: LinearLaw::new(&design.table),
     });
     let mut peaks = [plant.peaks(), pole_peaks(&ideal)].concat();
     if let Some(closed) = &closed {
         peaks.extend(pole_peaks(
-            &closed.poles().ok_or(ShapingError::Eigenvalues)?,
+            &closed.poles()?,
         ));
     }
     let points = grid(low, high, 300, &peaks);
@@ -97,9 +100,9 @@ pub fn isolation(own: &Looped) -> Result<Chart, ShapingError> {
     };
     let open = curve(&|hz| plant.response(hz).from_floor(whole.clone()) * rigid);
     let mut series = vec![Series::line("open", Colour::Open, open).main()];
-    let colour = colour(study.design.feedback);
+    let colour = colour(study.design_model().feedback);
     if stable(&ideal) {
-        let ideal = curve(&|hz| close_ideal(plant, &study.gains, hz, whole.clone()) * rigid);
+        let ideal = curve(&|hz| close_ideal(plant, study.gains(), hz, whole.clone()) * rigid);
         series.push(Series::line("ideal", colour, ideal).styled(Style::Dashed));
     }
     if let Some(closed) = &closed {
@@ -119,20 +122,20 @@ pub fn isolation(own: &Looped) -> Result<Chart, ShapingError> {
 /// Loop gain by mode, sensitivity, and the Nyquist curves of the modes.
 ///
 /// # Errors
-/// Where an eigenvalue iteration does not end.
-pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], ShapingError> {
+/// Where an eigenvalue iteration does not converge.
+pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> {
     let closed = SampledLoop {
-        plant: &study.plant,
+        plant: study.plant(),
         law,
     };
-    let target = &study.machine.target;
-    let poles = closed.poles().ok_or(ShapingError::Eigenvalues)?;
-    let peaks = [study.plant.plant.peaks(), pole_peaks(&poles)].concat();
-    let (low, high) = (0.01 * target.frequency, 0.5 / study.plant.period);
+    let target = &study.machine().target;
+    let poles = closed.poles()?;
+    let peaks = [study.plant().plant.peaks(), pole_peaks(&poles)].concat();
+    let (low, high) = (0.01 * target.frequency, 0.5 / study.plant().period);
     let points = grid(low, high, 500, &peaks);
-    let modal_loop = closed.modal_loop(&study.design.modal);
-    let values: Vec<(f64, Six)> = points.iter().map(|&hz| (hz, modal_loop(hz))).collect();
-    let hertz_of = study.design.hertz();
+    let modal_loop = closed.modal_loop(&study.design_model().modal);
+    let values: Vec<(f64, ComplexMatrix6)> = points.iter().map(|&hz| (hz, modal_loop(hz))).collect();
+    let hertz_of = study.design_model().hertz();
     let name = |k: usize| format!("mode {}, {:.1} Hz", k + 1, hertz_of[k]);
     let by_mode = |value: &dyn Fn(f64, Complex<f64>) -> (f64, f64)| {
         let one = |k: usize| {
@@ -144,11 +147,11 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], ShapingError> 
     let mut gains = by_mode(&|hz, l| (hz, db(l.norm())));
     gains.push(limit("1", low, high, 0.0));
     let sensitivity = values.iter().map(|(hz, l)| {
-        let smallest = (Six::identity() + l).singular_values().min();
+        let smallest = (ComplexMatrix6::identity() + l).singular_values().min();
         (*hz, -db(smallest))
     });
     let sensitivity = vec![
-        Series::line("σ_max(S)", colour(study.design.feedback), sensitivity).main(),
+        Series::line("σ_max(S)", colour(study.design_model().feedback), sensitivity).main(),
         limit(
             format!("asked: {}", target.max_sensitivity),
             low,
@@ -197,12 +200,15 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], ShapingError> 
 }
 
 /// Modes, zeros and poles on one frequency axis.
-pub fn frequencies(looped: &[Looped]) -> Chart {
+///
+/// # Errors
+/// Where an eigenvalue iteration does not converge.
+pub fn frequencies(studies: &[DesignedStudy]) -> Result<Chart, NumericError> {
     let mut names = vec!["modes".to_owned()];
     let mut series = Vec::new();
-    if let Some(Looped { study, .. }) = looped.first() {
-        let modes = study.model.modes();
-        let energies = energies(&study.machine, &study.model, &modes);
+    if let Some(DesignedStudy { study, .. }) = studies.first() {
+        let modes = study.model().modes();
+        let energies = energies(study.machine(), study.model(), &modes);
         for (kind, name, colour) in [
             (Kind::Suspension, "suspension modes", Colour::Nth(6)),
             (Kind::Internal, "internal modes", Colour::Nth(3)),
@@ -217,11 +223,11 @@ pub fn frequencies(looped: &[Looped]) -> Chart {
             series.push(points_of(name, colour, points, labels).main());
         }
     }
-    for Looped { study, sampled } in looped {
-        let feedback = study.design.feedback;
-        let space = &study.plant.plant.state_space;
+    for DesignedStudy { study, design } in studies {
+        let feedback = study.design_model().feedback;
+        let space = &study.plant().plant.state_space;
         let name = feedback.name();
-        let fastest = core::f64::consts::PI / study.plant.period;
+        let fastest = core::f64::consts::PI / study.plant().period;
         let mut add = |what: String, list: Vec<Complex<f64>>| {
             let row = names.len() as f64;
             let upper = list
@@ -240,20 +246,20 @@ pub fn frequencies(looped: &[Looped]) -> Chart {
         // With both kinds each has its own zeros, and the ideal loop is the
         // accelerations'.
         if feedback != Feedback::Both {
-            let zeros = transmission_zeros(space, feedback).unwrap_or_default();
+            let zeros = transmission_zeros(space, feedback)?;
             add(format!("{name}: zeros"), zeros);
-            let ideal = ideal_poles(space, &study.gains).unwrap_or_default();
+            let ideal = ideal_poles(space, study.gains())?;
             add(format!("{name}: ideal poles"), ideal);
         }
-        if let Ok((table, _)) = sampled {
-            let plant = &study.plant;
-            let law = LinearLaw::new(table);
-            let poles = SampledLoop { plant, law }.poles().unwrap_or_default();
+        if let Ok(design) = design {
+            let plant = study.plant();
+            let law = LinearLaw::new(&design.table);
+            let poles = SampledLoop { plant, law }.poles()?;
             add(format!("{name}: sampled poles"), poles);
         }
     }
     let highest = (names.len() - 1) as f64;
-    Chart::new(
+    Ok(Chart::new(
         "frequencies",
         "Zeros beside modes and poles",
         "High gain draws poles onto the zeros of the path from leg forces to sensors (section 3 of the paper): what sits there, the loop has no hold of. Zeros far below the modes are good; zeros among them are what force feedback through stiff legs runs into.",
@@ -265,7 +271,7 @@ pub fn frequencies(looped: &[Looped]) -> Chart {
             },
         ],
         series,
-    )
+    ))
 }
 
 fn points_of(
@@ -429,8 +435,8 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
 
 /// The machine's beams seen from a corner, at rest and in each mode.
 pub fn drawings(study: &Study) -> Vec<Chart> {
-    let machine = &study.machine;
-    let modes = study.model.modes();
+    let machine = study.machine();
+    let modes = study.model().modes();
     // Turned about z, then seen from above: lengths are never longer than they are.
     let seen = |p: nalgebra::Vector3<f64>| {
         let (sin, cos) = 0.6_f64.sin_cos();
@@ -448,7 +454,7 @@ pub fn drawings(study: &Study) -> Vec<Chart> {
     let beams = |shape: Option<nalgebra::DVector<f64>>| {
         let moved: Vec<nalgebra::Vector3<f64>> = (0..machine.nodes.len())
             .map(|node| match &shape {
-                Some(shape) => study.model.translation(machine, node, shape),
+                Some(shape) => study.model().translation(machine, node, shape),
                 None => nalgebra::Vector3::zeros(),
             })
             .collect();

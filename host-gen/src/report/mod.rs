@@ -3,24 +3,34 @@
 
 use serde::Serialize;
 
-use crate::history::{Phase, history};
-use crate::law::LinearLaw;
+use crate::analysis::compare::MachineComparison;
+use crate::analysis::controller::DesignAnalysis;
+use crate::analysis::criterion::Criterion;
+use crate::analysis::digest;
+use crate::analysis::floors::FloorAnalysis;
+use crate::analysis::gains::GainAnalysis;
+use crate::analysis::modes::ModeAnalysis;
+use crate::analysis::poles::PoleAnalysis;
+use crate::analysis::sigma::{Frequencies, SigmaAnalysis};
+use crate::analysis::vibration::{Floor, both_budgets};
+use crate::analysis::warnings::{Statement, warnings};
+use crate::analysis::zeros::ZeroAnalysis;
+use crate::control::LinearLaw;
+use crate::design::{DesignedStudy, Search, Study, StudyError};
 use crate::machine::{Feedback, Machine};
-use crate::output::analysis::{Compared, Frequencies, Poles, Sigma, Zeros};
-use crate::output::design::Designed;
-use crate::output::floor::Floors;
-use crate::output::{Gains, Modes, Statement, digest, warnings};
-use crate::simulation::{Comparison, compare};
-use crate::spectrum::{Criterion, Floor, both_budgets};
-use crate::study::{Looped, Study, StudyError};
+use crate::simulate::run::{Comparison, compare};
+use crate::simulate::session::{Phase, history};
 use chart::{Chart, laid_over};
 use scene::Scene;
 
+pub mod campaign;
 pub mod chart;
 mod charts;
 pub mod page;
 pub mod plots;
 pub mod scene;
+pub mod summary;
+mod text;
 
 /// Where singular values are looked at, Hz.
 const SIGMA: (f64, f64, usize) = (0.1, 300.0, 400);
@@ -37,13 +47,13 @@ pub struct Report {
     frequency_hz: f64,
     damping: f64,
     sample_rate: f64,
-    files: Vec<File>,
+    files: Vec<SourceFile>,
     settings: Vec<Setting>,
     scene: Scene,
-    modes: Modes,
+    modes: ModeAnalysis,
     /// Of each kind of feedback that the machine has sensors for.
-    gains: Vec<Gains>,
-    zeros: Zeros,
+    gains: Vec<GainAnalysis>,
+    zeros: ZeroAnalysis,
     closed: Option<Closed>,
     /// Why there is no closed loop.
     missing: Option<String>,
@@ -56,15 +66,15 @@ pub struct Report {
     /// Curves that the chart of singular values does not have, and why.
     not_shown: Vec<String>,
     #[serde(skip)]
-    own: Looped,
+    own: DesignedStudy,
 }
 
 /// What only a machine with its loop has.
 #[derive(Debug, Serialize)]
 struct Closed {
-    poles: Poles,
-    design: Designed,
-    floor: Floors,
+    poles: PoleAnalysis,
+    design: DesignAnalysis,
+    floor: FloorAnalysis,
     simulation: Comparison,
     phases: Vec<Phase>,
     table_format: u16,
@@ -73,7 +83,7 @@ struct Closed {
 
 /// A file a machine is made of, as it was read.
 #[derive(Debug, Serialize)]
-struct File {
+struct SourceFile {
     path: String,
     text: String,
 }
@@ -89,66 +99,67 @@ impl Report {
     /// What needs no search for a controller: in some tens of milliseconds.
     ///
     /// # Errors
-    /// As [`Study::new`], or where an eigenvalue iteration does not end.
+    /// As [`Study::new`], or where an eigenvalue iteration does not converge.
     pub fn quick(machine: &Machine) -> Result<Self, StudyError> {
         let none = |machine| {
             let study = Study::new(machine)?;
-            let sampled = Err("the search is not at its end".to_owned());
-            Ok::<_, StudyError>(Looped { study, sampled })
+            let design = Err("the search is not finished".to_owned());
+            Ok::<_, StudyError>(DesignedStudy { study, design })
         };
-        let looped = machine.by_feedback().into_iter().map(none);
-        Self::of(machine, &looped.collect::<Result<Vec<_>, _>>()?, None)
+        let studies = machine.by_feedback().into_iter().map(none);
+        Self::of(machine, &studies.collect::<Result<Vec<_>, _>>()?, None)
     }
 
-    /// Everything; floor vibration as strong as `criterion` allows. `progress` is
-    /// called after every trial of the search.
+    /// Everything; floor vibration as strong as `criterion` allows. Designs come
+    /// from `search`.
     ///
     /// # Errors
-    /// As [`Study::new`], or where an eigenvalue iteration does not end. A target
+    /// As [`Study::new`], or where an eigenvalue iteration does not converge. A target
     /// that cannot be reached is part of the report.
     pub fn new(
         machine: &Machine,
         criterion: Criterion,
-        progress: &(dyn Fn() + Sync),
+        search: &Search<'_>,
     ) -> Result<Self, StudyError> {
-        let looped = Looped::by_feedback(machine, progress)?;
-        Self::of(machine, &looped, Some(criterion))
+        let studies = DesignedStudy::by_feedback(machine, search)?;
+        Self::of(machine, &studies, Some(criterion))
     }
 
     fn of(
         machine: &Machine,
-        looped: &[Looped],
+        studies: &[DesignedStudy],
         criterion: Option<Criterion>,
     ) -> Result<Self, StudyError> {
         let kind = machine.target.feedback;
-        let own = looped.iter().find(|l| l.study.design.feedback == kind);
+        let own = studies.iter().find(|l| l.study.design_model().feedback == kind);
         let own = own.expect("a machine has the sensors that it feeds back");
         let study = &own.study;
         let (low, high, count) = SIGMA;
-        let sigma = Sigma::new(machine, looped, Frequencies::Adaptive { low, high, count })?;
+        let sigma = SigmaAnalysis::new(machine, studies, Frequencies::Adaptive { low, high, count })?;
         let mut charts = vec![
             charts::sigma(&sigma, kind),
             charts::isolation(own)?,
-            charts::frequencies(looped),
+            charts::frequencies(studies)?,
         ];
         let mut closed = None;
-        if let (Ok((table, shaped)), Some(criterion)) = (&own.sampled, criterion) {
+        if let (Ok(design), Some(criterion)) = (&own.design, criterion) {
+            let table = &design.table;
             charts.extend(charts::loops(study, LinearLaw::new(table))?);
             let floor = Floor::Criterion(criterion);
             let board = &machine.board;
-            let budgets = both_budgets(&study.plant, board, table, &floor, SPECTRA)?;
+            let budgets = both_budgets(study.plant(), board, table, &floor, SPECTRA)?;
             charts.extend(charts::vibration(criterion.name(), &budgets));
             let history = history(study, table);
             charts.extend(charts::session(machine, &history));
             let [open, under] = budgets;
             let name = criterion.name().to_owned();
             closed = Some(Closed {
-                poles: Poles::new(study, table)?,
-                design: Designed::new(study, table, shaped.clone(), false, &|| {})?,
+                poles: PoleAnalysis::new(study, table)?,
+                design: DesignAnalysis::new(study, design.clone())?,
                 // The charts have the spectra.
-                floor: Floors::new(study, name, SPECTRA, open, under).without_spectra(),
+                floor: FloorAnalysis::new(study, name, SPECTRA, open, under).without_spectra(),
                 simulation: compare(
-                    &study.plant,
+                    study.plant(),
                     board,
                     &machine.simulation,
                     table,
@@ -159,8 +170,8 @@ impl Report {
                 table_checksum: table.checksum(),
             });
         }
-        let gains = looped.iter().map(|l| &l.study);
-        let gains = gains.filter(|study| study.design.feedback != Feedback::Both);
+        let gains = studies.iter().map(|l| &l.study);
+        let gains = gains.filter(|study| study.design_model().feedback != Feedback::Both);
         Ok(Self {
             machine: machine.name.clone(),
             model_sha256: digest(machine),
@@ -170,22 +181,22 @@ impl Report {
             sample_rate: machine.board.sample_rate,
             files: machine
                 .files()
-                .map(|(path, text)| File {
+                .map(|(path, text)| SourceFile {
                     path: path.display().to_string(),
                     text: text.to_owned(),
                 })
                 .collect(),
             settings: settings(machine),
             scene: Scene::new(machine),
-            modes: Modes::new(study),
-            gains: gains.map(Gains::new).collect(),
-            zeros: Zeros::new(machine)?,
+            modes: ModeAnalysis::new(study),
+            gains: gains.map(GainAnalysis::new).collect::<Result<_, _>>()?,
+            zeros: ZeroAnalysis::new(machine)?,
             closed,
-            missing: own.sampled.as_ref().err().cloned(),
+            missing: own.design.as_ref().err().cloned(),
             charts,
             drawings: charts::drawings(study),
             statements: machine.provenance.iter().map(Statement::new).collect(),
-            warnings: warnings(study),
+            warnings: warnings(study)?,
             not_shown: sigma.missing,
             own: own.clone(),
         })
@@ -243,7 +254,7 @@ pub struct Review {
 struct SideBySide {
     /// What each is called where others stand beside it.
     names: Vec<String>,
-    compared: Compared,
+    compared: MachineComparison,
     /// Settings that are not the same in all: the key, and by machine the value,
     /// none where it has no such key.
     differences: Vec<(String, Vec<Option<String>>)>,
@@ -327,7 +338,7 @@ impl SideBySide {
         };
         Ok(Self {
             charts: laid_over(&charts),
-            compared: Compared::new(reports.iter().map(|report| &report.own))?,
+            compared: MachineComparison::new(reports.iter().map(|report| &report.own))?,
             differences: keys
                 .iter()
                 .map(|key| ((*key).to_owned(), values(key)))

@@ -1,0 +1,65 @@
+//! Arguments that several commands take.
+
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use host_gen::analysis::criterion::Criterion;
+use host_gen::machine::{Machine, MachineError};
+
+use crate::failure::Failure;
+
+#[derive(Args)]
+pub struct Common {
+    /// Machine file, see docs/machine-file.md.
+    pub model: PathBuf,
+    /// What to print: text for people, JSON (docs/json.md) for programs.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    Text,
+    Json,
+}
+
+/// The machines that a command is about.
+#[derive(Args)]
+pub struct Several {
+    /// Machine files.
+    #[arg(required = true)]
+    pub models: Vec<PathBuf>,
+    /// Each machine once with accelerations fed back, once with forces, and once
+    /// with both.
+    #[arg(long)]
+    pub by_feedback: bool,
+}
+
+impl Several {
+    pub fn load(&self) -> Result<Vec<Machine>, MachineError> {
+        let machines = self.models.iter().map(|model| Machine::load(model));
+        let machines = machines.collect::<Result<Vec<_>, _>>()?;
+        Ok(if self.by_feedback {
+            machines.iter().flat_map(Machine::by_feedback).collect()
+        } else {
+            machines
+        })
+    }
+}
+
+/// A criterion by its name in lower case.
+pub fn criterion() -> impl TypedValueParser<Value = Criterion> {
+    PossibleValuesParser::new(Criterion::ALL.map(Criterion::key)).try_map(|key| key.parse())
+}
+
+/// A band of frequencies, Hz.
+pub fn band(from: f64, to: f64) -> Result<[f64; 2], Failure> {
+    if !(from.is_finite() && from > 0.0) {
+        return Err(Failure::Option("from"));
+    }
+    if !(to.is_finite() && to > from) {
+        return Err(Failure::Range);
+    }
+    Ok([from, to])
+}

@@ -1,0 +1,42 @@
+//! `host-gen campaign`.
+
+use clap::Args;
+use host_gen::report::campaign::CampaignSummary;
+use host_gen::simulate::faults::{Defect, campaign as run};
+
+use crate::arguments::Common;
+use crate::failure::Failure;
+use crate::print;
+use crate::search::{Bar, design, study};
+
+#[derive(Args)]
+pub struct CampaignArguments {
+    #[command(flatten)]
+    common: Common,
+    /// Every two faults at once instead, which takes some minutes.
+    #[arg(long)]
+    pairs: bool,
+}
+
+pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let study = study(model)?;
+    let design = design(model, &study)?;
+    let single = Defect::all();
+    let mut cases: Vec<Vec<Defect>> = single.iter().map(|defect| vec![*defect]).collect();
+    if arguments.pairs {
+        let pairs = |(i, a): (usize, &Defect)| {
+            let others = single[i + 1..].iter();
+            others.map(|b| vec![*a, *b]).collect::<Vec<_>>()
+        };
+        cases = single.iter().enumerate().flat_map(pairs).collect();
+    }
+    let outcomes = run(&study, &design.table, &cases, &Bar::of(cases.len()));
+    let campaign = CampaignSummary::new(&study, outcomes);
+    print::result(*format, &campaign)?;
+    if campaign.is_safe() {
+        Ok(())
+    } else {
+        Err(Failure::Unsafe)
+    }
+}

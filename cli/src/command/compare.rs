@@ -1,0 +1,27 @@
+//! `host-gen compare`.
+
+use clap::Args;
+use host_gen::analysis::compare::MachineComparison;
+use host_gen::design::DesignedStudy;
+
+use crate::arguments::{Format, Several};
+use crate::failure::{Failure, in_study};
+use crate::print;
+use crate::search::{Bar, full};
+
+#[derive(Args)]
+pub struct CompareArguments {
+    #[command(flatten)]
+    several: Several,
+    /// What to print.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+pub fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
+    let machines = arguments.several.load()?;
+    let studies = DesignedStudy::all(machines, &full(&Bar::search()))?;
+    let comparison = MachineComparison::new(&studies);
+    let comparison = comparison.map_err(in_study(&arguments.several.models[0]))?;
+    print::result(arguments.format, &comparison)
+}

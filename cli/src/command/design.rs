@@ -1,0 +1,30 @@
+//! `host-gen design`.
+
+use clap::Args;
+use host_gen::analysis::controller::DesignAnalysis;
+
+use crate::arguments::Common;
+use crate::failure::{Failure, in_loop, in_study};
+use crate::print;
+use crate::search::{Bar, study};
+
+#[derive(Args)]
+pub struct DesignArguments {
+    #[command(flatten)]
+    common: Common,
+    /// Design for other sample rates and delays too: half a minute more.
+    #[arg(long)]
+    chart: bool,
+}
+
+pub fn design(arguments: &DesignArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let study = study(model)?;
+    let design = crate::search::design(model, &study)?;
+    let mut analysis = DesignAnalysis::new(&study, design).map_err(in_loop(model))?;
+    if arguments.chart {
+        let charted = analysis.with_other_boards(&study, &Bar::search());
+        analysis = charted.map_err(in_study(model))?;
+    }
+    print::result(*format, &analysis)
+}

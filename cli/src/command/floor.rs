@@ -1,0 +1,87 @@
+//! `host-gen floor`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use host_gen::analysis::criterion::Criterion;
+use host_gen::analysis::floors::FloorAnalysis;
+use host_gen::analysis::vibration::{Floor, SpectrumError, both_budgets};
+
+use crate::arguments::{Common, band, criterion};
+use crate::failure::{Failure, in_loop};
+use crate::print;
+use crate::search::{design, study};
+
+#[derive(Args)]
+pub struct FloorArguments {
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    floor: FloorChoice,
+    /// Lowest frequency, Hz.
+    #[arg(long, default_value_t = 0.5)]
+    from: f64,
+    /// Highest frequency, Hz.
+    #[arg(long, default_value_t = 300.0)]
+    to: f64,
+}
+
+#[derive(Args)]
+#[group(required = true, multiple = false)]
+struct FloorChoice {
+    /// A floor as strong as a vibration criterion allows.
+    #[arg(long, value_parser = criterion())]
+    criterion: Option<Criterion>,
+    /// White acceleration of each input, m/s²/√Hz.
+    #[arg(long)]
+    white: Option<f64>,
+    /// A text file of frequency, Hz, and acceleration density, m/s²/√Hz, two
+    /// numbers a line, frequencies ascending; # begins a comment.
+    #[arg(long)]
+    spectrum: Option<PathBuf>,
+}
+
+pub fn floor(arguments: &FloorArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let band = band(arguments.from, arguments.to)?;
+    let (floor, name) = match &arguments.floor {
+        FloorChoice {
+            criterion: Some(criterion),
+            ..
+        } => (Floor::Criterion(*criterion), criterion.name().to_owned()),
+        FloorChoice {
+            spectrum: Some(path),
+            ..
+        } => (read(path)?, path.display().to_string()),
+        FloorChoice { white, .. } => {
+            let density = white.unwrap_or(f64::NAN);
+            if !(density.is_finite() && density >= 0.0) {
+                return Err(Failure::Option("white"));
+            }
+            (
+                Floor::White(density),
+                format!("white, {density:e} m/s²/√Hz"),
+            )
+        }
+    };
+    let study = study(model)?;
+    let design = design(model, &study)?;
+    let board = &study.machine().board;
+    let budgets = both_budgets(study.plant(), board, &design.table, &floor, band);
+    let [open, closed] = budgets.map_err(in_loop(model))?;
+    print::result(*format, &FloorAnalysis::new(&study, name, band, open, closed))
+}
+
+/// The spectrum in a file.
+fn read(path: &Path) -> Result<Floor, Failure> {
+    let text = fs::read_to_string(path).map_err(|error| Failure::Io {
+        path: path.display().to_string(),
+        what: "read",
+        error,
+    })?;
+    text.parse().map_err(|error: SpectrumError| Failure::Spectrum {
+        path: path.display().to_string(),
+        line: error.line,
+    })
+}

@@ -1,0 +1,277 @@
+//! `host-gen new`.
+
+use std::io::{self, IsTerminal as _};
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use dialoguer::theme::ColorfulTheme;
+use dialoguer::{Input, Select};
+use host_gen::machine::Feedback;
+use host_gen::machine::schema::schema;
+use host_gen::outline::{Mounts, Outline};
+
+use crate::failure::Failure;
+use crate::files::write_whole;
+
+#[derive(Args)]
+#[command(allow_negative_numbers = true)]
+pub struct NewArguments {
+    /// What the machine is called: lower-case letters, digits, hyphens.
+    name: Option<String>,
+    /// Mounts about the frame: 3 of two legs each, or 6 of one.
+    #[arg(long, value_parser = mounts)]
+    mounts: Option<Mounts>,
+    /// Radius of their circle, m.
+    #[arg(long)]
+    radius: Option<f64>,
+    /// Of the mounts above the feet, m.
+    #[arg(long)]
+    height: Option<f64>,
+    /// Of a leg with the floor, degrees.
+    #[arg(long)]
+    leg_angle: Option<f64>,
+    /// EA/L of a leg, N/m.
+    #[arg(long)]
+    leg_stiffness: Option<f64>,
+    /// kg.
+    #[arg(long)]
+    frame_mass: Option<f64>,
+    /// kg; 0 for a frame alone.
+    #[arg(long)]
+    payload_mass: Option<f64>,
+    /// Of the payload's centre of gravity below the frame, m.
+    #[arg(long)]
+    payload_below: Option<f64>,
+    /// About where the payload moves on the frame, Hz.
+    #[arg(long)]
+    internal: Option<f64>,
+    /// What is fed back.
+    #[arg(long, value_parser = feedback())]
+    feedback: Option<Feedback>,
+    /// What the mounts are to look like, Hz.
+    #[arg(long)]
+    frequency: Option<f64>,
+    /// Ask nothing: what is not given is as in the paper's machine.
+    #[arg(long)]
+    yes: bool,
+    /// The file [default: models/NAME.toml, or NAME.toml where there is no models].
+    #[arg(long)]
+    output: Option<PathBuf>,
+}
+
+fn feedback() -> impl TypedValueParser<Value = Feedback> {
+    PossibleValuesParser::new(Feedback::ALL.map(Feedback::name)).try_map(|name| name.parse())
+}
+
+fn mounts(text: &str) -> Result<Mounts, String> {
+    match text {
+        "3" => Ok(Mounts::Three),
+        "6" => Ok(Mounts::Six),
+        _ => Err("there are six legs: 3 mounts of two, or 6 mounts of one".to_owned()),
+    }
+}
+
+/// Asks what was not given, or takes the usual.
+struct Questions {
+    asked: bool,
+}
+
+impl Questions {
+    fn text(&self, given: Option<&String>, question: &str, usual: &str) -> Result<String, Failure> {
+        match given {
+            Some(given) => Ok(given.clone()),
+            None if !self.asked => Ok(usual.to_owned()),
+            None => Input::with_theme(&ColorfulTheme::default())
+                .with_prompt(question)
+                .default(usual.to_owned())
+                .interact_text()
+                .map_err(stopped),
+        }
+    }
+
+    fn number(
+        &self,
+        flag: &'static str,
+        given: Option<f64>,
+        question: &str,
+        usual: f64,
+        least: f64,
+    ) -> Result<f64, Failure> {
+        let right = |x: f64| x.is_finite() && x >= least;
+        let number = match given {
+            Some(given) => given,
+            None if !self.asked => usual,
+            None => Input::with_theme(&ColorfulTheme::default())
+                .with_prompt(question)
+                .default(usual)
+                .validate_with(|x: &f64| {
+                    if right(*x) {
+                        Ok(())
+                    } else {
+                        Err(format!("a number of at least {least}"))
+                    }
+                })
+                .interact_text()
+                .map_err(stopped)?,
+        };
+        if right(number) {
+            Ok(number)
+        } else {
+            Err(Failure::Least { flag, least })
+        }
+    }
+
+    fn choice<T: Copy>(
+        &self,
+        given: Option<T>,
+        question: &str,
+        choices: &[(&str, T)],
+    ) -> Result<T, Failure> {
+        match given {
+            Some(given) => Ok(given),
+            None if !self.asked => Ok(choices[0].1),
+            None => Select::with_theme(&ColorfulTheme::default())
+                .with_prompt(question)
+                .items(choices.iter().map(|(name, _)| *name))
+                .default(0)
+                .interact()
+                .map(|chosen| choices[chosen].1)
+                .map_err(stopped),
+        }
+    }
+}
+
+fn stopped(dialoguer::Error::IO(error): dialoguer::Error) -> Failure {
+    Failure::Io {
+        path: "the terminal".to_owned(),
+        what: "read",
+        error,
+    }
+}
+
+/// No length or mass is less.
+const SMALL: f64 = 1e-3;
+
+pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
+    let ask = Questions {
+        asked: !arguments.yes && io::stdin().is_terminal() && io::stderr().is_terminal(),
+    };
+    let usual = Outline::default();
+    let a = arguments;
+    let name = ask.text(a.name.as_ref(), "Name of the machine", &usual.name)?;
+    let mounts = [
+        ("3 mounts of two legs each", Mounts::Three),
+        ("6 mounts of one leg each", Mounts::Six),
+    ];
+    let mounts = ask.choice(a.mounts, "Mounts", &mounts)?;
+    let number = |flag, given, question, usual| ask.number(flag, given, question, usual, SMALL);
+    let radius = number(
+        "radius",
+        a.radius,
+        "Radius of the mounts' circle, m",
+        usual.radius,
+    )?;
+    let height = number(
+        "height",
+        a.height,
+        "Height of the mounts above the feet, m",
+        usual.height,
+    )?;
+    let leg_angle = number(
+        "leg-angle",
+        a.leg_angle,
+        "Angle of a leg with the floor, degrees",
+        usual.leg_angle,
+    )?;
+    if leg_angle > 89.0 {
+        return Err(Failure::Upright);
+    }
+    let leg_stiffness = number(
+        "leg-stiffness",
+        a.leg_stiffness,
+        "Stiffness of a leg along itself, N/m",
+        usual.leg_stiffness,
+    )?;
+    let frame_mass = number(
+        "frame-mass",
+        a.frame_mass,
+        "Mass of the frame, kg",
+        usual.frame_mass,
+    )?;
+    let payload_mass = ask.number(
+        "payload-mass",
+        a.payload_mass,
+        "Mass of the payload below it, kg; 0 for none",
+        usual.payload_mass,
+        0.0,
+    )?;
+    let (mut payload_below, mut internal) = (usual.payload_below, usual.internal);
+    if payload_mass > 0.0 {
+        payload_below = number(
+            "payload-below",
+            a.payload_below,
+            "The payload's centre of gravity below the frame, m",
+            payload_below,
+        )?;
+        internal = number(
+            "internal",
+            a.internal,
+            "The payload moves on the frame at about, Hz",
+            internal,
+        )?;
+    }
+    let kinds = [
+        (
+            "acceleration: accelerometers on the frame",
+            Feedback::Acceleration,
+        ),
+        ("force: force sensors in the legs", Feedback::Force),
+        ("both", Feedback::Both),
+    ];
+    let feedback = ask.choice(a.feedback, "Feedback", &kinds)?;
+    let frequency = number(
+        "frequency",
+        a.frequency,
+        "It is to behave as if on springs of, Hz",
+        usual.frequency,
+    )?;
+    let outline = Outline {
+        name,
+        mounts,
+        radius,
+        height,
+        leg_angle,
+        leg_stiffness,
+        frame_mass,
+        payload_mass,
+        payload_below,
+        internal,
+        feedback,
+        frequency,
+    };
+    let path = arguments.output.clone().unwrap_or_else(|| {
+        let models = PathBuf::from("models");
+        let file = format!("{}.toml", outline.name);
+        if models.is_dir() {
+            models.join(file)
+        } else {
+            file.into()
+        }
+    });
+    if path.exists() {
+        return Err(Failure::Exists(path.display().to_string()));
+    }
+    write_whole(&path, outline.machine_file(&path)?.as_bytes())?;
+    // What the file's first line names.
+    let beside = path.with_file_name("machine.schema.json");
+    if !beside.exists() {
+        write_whole(&beside, schema().as_bytes())?;
+    }
+    let path = path.display();
+    println!("{path} is written. What next?");
+    println!("  host-gen modes {path}    its modes");
+    println!("  host-gen report {path}   everything, on one page");
+    println!("  host-gen watch {path}    the same, as you change the file");
+    Ok(())
+}

@@ -1,0 +1,15 @@
+//! `host-gen poles`.
+
+use host_gen::analysis::poles::PoleAnalysis;
+
+use crate::arguments::Common;
+use crate::failure::{Failure, in_loop};
+use crate::print;
+use crate::search::{design, study};
+
+pub fn poles(common: &Common) -> Result<(), Failure> {
+    let study = study(&common.model)?;
+    let design = design(&common.model, &study)?;
+    let poles = PoleAnalysis::new(&study, &design.table);
+    print::result(common.format, &poles.map_err(in_loop(&common.model))?)
+}

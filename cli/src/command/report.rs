@@ -1,0 +1,92 @@
+//! `host-gen report`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use host_gen::analysis::criterion::Criterion;
+use host_gen::machine::Machine;
+use host_gen::report::page::page;
+use host_gen::report::plots::{csv, png, svg};
+use host_gen::report::{Report, Review};
+
+use crate::arguments::{Format, Several, criterion};
+use crate::failure::{Failure, in_study};
+use crate::files::write_whole;
+use crate::print;
+use crate::search::{Bar, full};
+
+#[derive(Args)]
+pub struct ReportArguments {
+    #[command(flatten)]
+    several: Several,
+    /// What to make: the page, or JSON on standard output.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    /// The page's file [default: NAME-report.html].
+    #[arg(long)]
+    output: Option<PathBuf>,
+    /// Also write every chart there as SVG, PNG and CSV.
+    #[arg(long, value_name = "FOLDER")]
+    plots: Option<PathBuf>,
+    /// The floor is as strong as this criterion allows.
+    #[arg(long, value_parser = criterion(), default_value = "vc-c")]
+    criterion: Criterion,
+}
+
+pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
+    let machines = arguments.several.load()?;
+    let bar = Bar::search();
+    let reports = machines
+        .iter()
+        .map(|machine| Report::new(machine, arguments.criterion, &full(&bar)));
+    let reports = reports.collect::<Result<Vec<_>, _>>();
+    drop(bar);
+    let of = in_study(&arguments.several.models[0]);
+    let review = reports.and_then(Review::new).map_err(of)?;
+    let path = match &arguments.output {
+        Some(path) => path.clone(),
+        None => PathBuf::from(format!("{}-report.html", names(&machines))),
+    };
+    if let Some(folder) = &arguments.plots {
+        plots(&review, folder)?;
+    }
+    if arguments.format == Format::Json {
+        return print::text(&(review.json() + "\n"));
+    }
+    write_whole(&path, page(&review).as_bytes())?;
+    println!("{}: open it in a browser", path.display());
+    Ok(())
+}
+
+/// Each machine's name once, with a hyphen between.
+fn names(machines: &[Machine]) -> String {
+    let mut names: Vec<&str> = machines.iter().map(|m| &m.name[..]).collect();
+    names.dedup();
+    names.join("-")
+}
+
+fn plots(review: &Review, folder: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(folder).map_err(|error| Failure::Io {
+        path: folder.display().to_string(),
+        what: "created",
+        error,
+    })?;
+    let pictures = review.pictures();
+    for (name, chart) in &pictures {
+        let write = |ending: &str, bytes: &[u8]| {
+            write_whole(&folder.join(format!("{name}.{ending}")), bytes)
+        };
+        let picture = svg(chart)?;
+        write("svg", picture.as_bytes())?;
+        write("png", &png(chart, &picture)?)?;
+        write("csv", csv(chart).as_bytes())?;
+    }
+    // Standard output may be for JSON.
+    eprintln!(
+        "{}: {} charts, each as SVG, PNG and CSV",
+        folder.display(),
+        pictures.len()
+    );
+    Ok(())
+}

@@ -1,0 +1,45 @@
+//! `host-gen robust`.
+
+use clap::Args;
+use host_gen::analysis::robustness::{RobustnessAnalysis, monte_carlo};
+
+use crate::arguments::Common;
+use crate::failure::{Failure, in_study};
+use crate::print;
+use crate::search::{Bar, design, study};
+
+#[derive(Args)]
+pub struct RobustArguments {
+    #[command(flatten)]
+    common: Common,
+    /// How many machines to draw [default: the file's].
+    #[arg(long)]
+    samples: Option<usize>,
+    /// Seed of the random numbers [default: the file's].
+    #[arg(long)]
+    seed: Option<u64>,
+}
+
+pub fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let study = study(model)?;
+    // The search has its own: that of the file.
+    let mut settings = study.machine().robustness.clone();
+    if let Some(samples) = arguments.samples {
+        if samples == 0 {
+            return Err(Failure::Option("samples"));
+        }
+        settings.samples = samples;
+    }
+    if let Some(seed) = arguments.seed {
+        settings.seed = seed;
+    }
+    let design = design(model, &study)?;
+    let bar = Bar::of(settings.samples);
+    let spread = monte_carlo(&study, &settings, &design.table, &design.bands, &bar);
+    let spread = spread.map_err(in_study(model))?;
+    print::result(
+        *format,
+        &RobustnessAnalysis::new(study.machine(), &settings, spread),
+    )
+}

@@ -1,0 +1,48 @@
+//! `host-gen sigma`.
+
+use clap::Args;
+use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
+use host_gen::design::DesignedStudy;
+use host_gen::machine::Machine;
+
+use crate::arguments::{Common, band};
+use crate::failure::{Failure, in_loop};
+use crate::print;
+use crate::search::{Bar, full};
+
+#[derive(Args)]
+pub struct SigmaArguments {
+    #[command(flatten)]
+    common: Common,
+    /// Lowest frequency, Hz.
+    #[arg(long, default_value_t = 0.1)]
+    from: f64,
+    /// Highest frequency, Hz.
+    #[arg(long, default_value_t = 300.0)]
+    to: f64,
+    /// Frequencies evenly in the logarithm, at least two; those about the
+    /// peaks come on top.
+    #[arg(long, default_value_t = 500)]
+    points: usize,
+    /// These frequencies alone, Hz, with commas between.
+    #[arg(long, value_delimiter = ',', conflicts_with_all = ["from", "to", "points"])]
+    at: Vec<f64>,
+}
+
+pub fn sigma(arguments: &SigmaArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let frequencies = if arguments.at.is_empty() {
+        let [low, high] = band(arguments.from, arguments.to)?;
+        let count = arguments.points.max(2);
+        Frequencies::Adaptive { low, high, count }
+    } else {
+        if !arguments.at.iter().all(|hz| hz.is_finite() && *hz > 0.0) {
+            return Err(Failure::Option("at"));
+        }
+        Frequencies::At(arguments.at.clone())
+    };
+    let machine = Machine::load(model)?;
+    let studies = DesignedStudy::by_feedback(&machine, &full(&Bar::search()))?;
+    let sigma = SigmaAnalysis::new(&machine, &studies, frequencies);
+    print::result(*format, &sigma.map_err(in_loop(model))?)
+}

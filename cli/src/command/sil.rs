@@ -1,0 +1,103 @@
+//! `host-gen sil`.
+
+use std::io::{self, Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use host_gen::simulate::SoftwareBoard;
+use shared::recorder::Record;
+
+use crate::failure::Failure;
+use crate::search::{design, study};
+
+#[derive(Args)]
+pub struct SilArguments {
+    /// Machine file.
+    model: PathBuf,
+    /// HOST:PORT to listen on; port 0 takes any that is free.
+    #[arg(long, default_value = "127.0.0.1:7700")]
+    listen: String,
+    /// As fast as this computer can, not in real time.
+    #[arg(long)]
+    fast: bool,
+}
+
+/// Records that the recorder has room for.
+const ROOM: usize = 16_384;
+
+/// Samples between two looks at the line: five milliseconds of 20 kHz.
+const BATCH: u32 = 100;
+
+pub fn sil(arguments: &SilArguments) -> Result<(), Failure> {
+    let failed = |error| Failure::Io {
+        path: arguments.listen.clone(),
+        what: "listened on",
+        error,
+    };
+    let study = study(&arguments.model)?;
+    let listener = TcpListener::bind(&arguments.listen).map_err(failed)?;
+    listener.set_nonblocking(true).map_err(failed)?;
+    let table = design(&arguments.model, &study)?.table;
+    let mut room = vec![Record::NONE; ROOM];
+    let mut sil = SoftwareBoard::new(&study, &table, &mut room);
+    // Whoever started this in the background waits for the line.
+    println!("listening on {}", listener.local_addr().map_err(failed)?);
+    io::stdout().flush().map_err(failed)?;
+    let mut host: Option<TcpStream> = None;
+    let rate = f64::from(table.get().sample_rate);
+    let start = Instant::now();
+    let mut samples = 0u64;
+    loop {
+        for _ in 0..BATCH {
+            sil.sample();
+        }
+        samples += u64::from(BATCH);
+        if let Ok((stream, _)) = listener.accept() {
+            // The latest to come is the one that is served.
+            stream.set_nonblocking(true).map_err(failed)?;
+            stream.set_nodelay(true).map_err(failed)?;
+            host = Some(stream);
+        }
+        if let Some(stream) = &mut host
+            && serve(stream, &mut sil).is_err()
+        {
+            host = None;
+        }
+        if !arguments.fast {
+            let due = Duration::from_secs_f64(samples as f64 / rate);
+            std::thread::sleep(due.saturating_sub(start.elapsed()));
+        }
+    }
+}
+
+/// All bytes that have come and all telemetry that waits. An error is the line's
+/// end.
+fn serve(stream: &mut TcpStream, sil: &mut SoftwareBoard<'_>) -> io::Result<()> {
+    let mut bytes = [0; 1024];
+    loop {
+        match stream.read(&mut bytes) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(count) => {
+                for byte in &bytes[..count] {
+                    if let Some(frame) = sil.on_byte(*byte) {
+                        send(stream, &frame)?;
+                    }
+                }
+            }
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+            Err(error) => return Err(error),
+        }
+    }
+    while let Some(frame) = sil.telemetry() {
+        send(stream, &frame)?;
+    }
+    Ok(())
+}
+
+fn send(stream: &mut TcpStream, frame: &[u8]) -> io::Result<()> {
+    stream.set_nonblocking(false)?;
+    stream.write_all(frame)?;
+    stream.set_nonblocking(true)
+}

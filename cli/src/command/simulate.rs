@@ -1,0 +1,68 @@
+//! `host-gen simulate`.
+
+use clap::Args;
+use host_gen::design::{Design, Study};
+use host_gen::machine::Simulation;
+use host_gen::report::summary::SimulateSummary;
+use host_gen::simulate::run::{Comparison, compare};
+
+use crate::arguments::Common;
+use crate::failure::Failure;
+use crate::print;
+use crate::search::{design, study};
+
+#[derive(Args)]
+pub struct SimulateArguments {
+    #[command(flatten)]
+    common: Common,
+    /// Measured time, s [default: the file's].
+    #[arg(long)]
+    duration: Option<f64>,
+    /// Seed of the random numbers [default: the file's].
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Floor acceleration, rms of each input, m/s² [default: the file's].
+    #[arg(long)]
+    floor_rms: Option<f64>,
+}
+
+pub fn simulate(arguments: &SimulateArguments) -> Result<(), Failure> {
+    let model = &arguments.common.model;
+    let study = study(model)?;
+    // The search has its own: that of the file.
+    let mut settings = study.machine().simulation.clone();
+    let positive = |name, value: f64| {
+        if value.is_finite() && value > 0.0 {
+            Ok(value)
+        } else {
+            Err(Failure::Option(name))
+        }
+    };
+    if let Some(duration) = arguments.duration {
+        settings.duration = positive("duration", duration)?;
+    }
+    if let Some(floor_rms) = arguments.floor_rms {
+        settings.floor_rms = positive("floor-rms", floor_rms)?;
+    }
+    if let Some(seed) = arguments.seed {
+        settings.seed = seed;
+    }
+    let design = design(model, &study)?;
+    let simulation = simulation(&study, &settings, &design);
+    print::result(
+        arguments.common.format,
+        &SimulateSummary::new(&study, design, simulation),
+    )
+}
+
+/// Open and closed loop under the same floor.
+pub fn simulation(study: &Study, settings: &Simulation, design: &Design) -> Comparison {
+    let machine = study.machine();
+    compare(
+        study.plant(),
+        &machine.board,
+        settings,
+        &design.table,
+        machine.performance_names(),
+    )
+}

@@ -1,0 +1,95 @@
+//! `host-gen generate` and `host-gen check`: the table in the firmware's sources.
+
+use std::fmt::Display;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use host_gen::control::emit::{difference, emit};
+use host_gen::machine::Machine;
+use host_gen::report::summary::GenerateSummary;
+use serde::Serialize;
+
+use super::simulate::simulation;
+use crate::arguments::{Common, Format};
+use crate::failure::{Failure, in_loop};
+use crate::files::write_whole;
+use crate::print;
+use crate::search::{design, study};
+
+#[derive(Args)]
+pub struct TableArguments {
+    #[command(flatten)]
+    common: Common,
+    /// The table's file [default: firmware/src/tables/NAME.rs].
+    #[arg(long)]
+    table: Option<PathBuf>,
+}
+
+pub fn generate(arguments: &TableArguments) -> Result<(), Failure> {
+    let model = &arguments.common.model;
+    let study = study(model)?;
+    let path = table_path(arguments, study.machine())?;
+    let design = design(model, &study)?;
+    let simulation = simulation(&study, &study.machine().simulation, &design);
+    write_whole(&path, emit(study.machine(), &design.table).as_bytes())?;
+    let report = GenerateSummary::new(&study, design, path.display().to_string(), simulation);
+    print::result(arguments.common.format, &report.map_err(in_loop(model))?)
+}
+
+/// What `check` found.
+#[derive(Serialize)]
+struct Checked {
+    table: String,
+    up_to_date: bool,
+    /// The first line that differs, or nothing.
+    difference: Option<String>,
+}
+
+impl Display for Checked {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "{} is what the machine file gives", self.table)
+    }
+}
+
+pub fn check(arguments: &TableArguments) -> Result<(), Failure> {
+    let Common { model, format } = &arguments.common;
+    let study = study(model)?;
+    let path = table_path(arguments, study.machine())?;
+    let design = design(model, &study)?;
+    let found = fs::read_to_string(&path).map_err(|error| Failure::Io {
+        path: path.display().to_string(),
+        what: "read",
+        error,
+    })?;
+    let difference = difference(&found, &emit(study.machine(), &design.table));
+    let report = Checked {
+        table: path.display().to_string(),
+        up_to_date: difference.is_none(),
+        difference: difference.clone(),
+    };
+    if *format == Format::Json || report.up_to_date {
+        print::result(*format, &report)?;
+    }
+    match difference {
+        None => Ok(()),
+        Some(difference) => Err(Failure::Stale {
+            table: report.table,
+            model: model.display().to_string(),
+            difference,
+        }),
+    }
+}
+
+fn table_path(arguments: &TableArguments, machine: &Machine) -> Result<PathBuf, Failure> {
+    if let Some(path) = &arguments.table {
+        return Ok(path.clone());
+    }
+    let folder = Path::new("firmware/src/tables");
+    if !folder.is_dir() {
+        return Err(Failure::NoTables(folder.display().to_string()));
+    }
+    Ok(folder
+        .join(machine.name.replace('-', "_"))
+        .with_extension("rs"))
+}

@@ -1,0 +1,75 @@
+//! Why a command comes to nothing, and how that is said.
+
+use std::io;
+use std::path::Path;
+
+use host_gen::board::link::LinkError;
+use host_gen::board::measure::FrfError;
+use host_gen::design::{DesignError, StudyError};
+use host_gen::machine::MachineError;
+use host_gen::report::plots::PlotError;
+
+/// Why a command fails.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+    #[error("{file}: {error}")]
+    Design { file: String, error: DesignError },
+    #[error("{path}: cannot be {what}: {error}")]
+    Io {
+        path: String,
+        what: &'static str,
+        error: io::Error,
+    },
+    #[error("there is no folder {0} here; run from the project's root or give --table PATH")]
+    NoTables(String),
+    #[error(
+        "{path}:{line}: a line is a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, not negative"
+    )]
+    Spectrum { path: String, line: usize },
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    #[error(transparent)]
+    Frf(FrfError),
+    #[error("outputs left their limits, or the legs came to rest too late: see the table")]
+    Unsafe,
+    #[error("a fault is latched: {0}")]
+    Fault(String),
+    #[error(transparent)]
+    Plot(#[from] PlotError),
+    #[error("--{flag} must be finite and at least {least}")]
+    Least { flag: &'static str, least: f64 },
+    #[error("--leg-angle must be at most 89: upright legs do not hold the machine sideways")]
+    Upright,
+    #[error("{0} exists already: give --output, or another name")]
+    Exists(String),
+    #[error("--to must be finite and above --from")]
+    Range,
+    #[error("--{0} must be positive and finite")]
+    Option(&'static str),
+    #[error("{table} is not what {model} gives: {difference}. Run host-gen generate {model}")]
+    Stale {
+        table: String,
+        model: String,
+        difference: String,
+    },
+}
+
+/// Says which file a loop's failure is about.
+pub fn in_loop<E: Into<DesignError>>(model: &Path) -> impl Fn(E) -> Failure {
+    let file = model.display().to_string();
+    move |error| Failure::Design {
+        file: file.clone(),
+        error: error.into(),
+    }
+}
+
+/// The same for what may fail by the machine too, which says its file itself.
+pub fn in_study(model: &Path) -> impl Fn(StudyError) -> Failure {
+    let in_loop = in_loop(model);
+    move |error| match error {
+        StudyError::Machine(error) => error.into(),
+        StudyError::Design(error) => in_loop(error),
+    }
+}

@@ -1,0 +1,179 @@
+//! The command line.
+#![forbid(unsafe_code)]
+
+mod arguments;
+mod command;
+mod failure;
+mod files;
+mod print;
+mod search;
+
+use std::process::ExitCode;
+
+use anstyle::{AnsiColor, Style};
+use clap::{CommandFactory as _, Parser, Subcommand};
+use clap_complete::Shell;
+use host_gen::machine::schema::schema;
+
+use arguments::Common;
+use command::campaign::CampaignArguments;
+use command::compare::CompareArguments;
+use command::design::DesignArguments;
+use command::floor::FloorArguments;
+use command::link::LinkArguments;
+use command::new::NewArguments;
+use command::plant::PlantArguments;
+use command::report::ReportArguments;
+use command::robust::RobustArguments;
+use command::sigma::SigmaArguments;
+use command::sil::SilArguments;
+use command::simulate::SimulateArguments;
+use command::table::TableArguments;
+use command::watch::WatchArguments;
+use failure::Failure;
+
+/// From a machine's geometry to a controller table that is proven on the
+/// sampled, delayed loop.
+#[derive(Parser)]
+#[command(version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Writes a machine file from a few questions, or from flags.
+    ///
+    /// Example: host-gen new scanner --frame-mass 300 --payload-mass 120 --yes
+    New(NewArguments),
+    /// The JSON Schema of machine files, for editors.
+    ///
+    /// Example: host-gen schema > machine.schema.json
+    Schema,
+    /// What a shell needs to complete commands and options.
+    ///
+    /// Example: host-gen completions bash > ~/.local/share/bash-completion/completions/host-gen
+    Completions {
+        /// Which.
+        shell: Shell,
+    },
+    /// Natural frequencies and mode shapes, and M_d, D_d, K_d, M_r, B_0.
+    ///
+    /// Example: host-gen modes models/metrology-frame.toml
+    Modes(Common),
+    /// The ideal gains with T_c, the modal matrix S and the ideal poles.
+    ///
+    /// Example: host-gen gains models/metrology-frame.toml --format json
+    Gains(Common),
+    /// Transmission zeros of G22 for both kinds of feedback.
+    ///
+    /// Example: host-gen zeros models/low-parasitic.toml
+    Zeros(Common),
+    /// Poles open, under the ideal law, and of the sampled loop.
+    ///
+    /// Example: host-gen poles models/metrology-frame.toml
+    Poles(Common),
+    /// The largest singular value of G11, open and closed, ideal and sampled,
+    /// both kinds of feedback (Fig. 5).
+    ///
+    /// Example: host-gen sigma models/metrology-frame.toml --from 0.1 --to 300
+    Sigma(SigmaArguments),
+    /// The controller on machines drawn about the file's: payload, legs.
+    ///
+    /// Example: host-gen robust models/metrology-frame.toml --samples 1000
+    Robust(RobustArguments),
+    /// Spectra on a floor, where they come from, and the criterion met.
+    ///
+    /// Example: host-gen floor models/metrology-frame.toml --criterion vc-c
+    Floor(FloorArguments),
+    /// The generalised plant G (Fig. 4) as matrices for other programs.
+    ///
+    /// Example: host-gen plant models/metrology-frame.toml --matrix-market out
+    Plant(PlantArguments),
+    /// Machines side by side.
+    ///
+    /// Example: host-gen compare models/low-parasitic.toml --by-feedback
+    Compare(CompareArguments),
+    /// The controller for the sampled board beside the ideal one: shapes,
+    /// isolation by mode, margins, delay, what another board would give.
+    ///
+    /// Example: host-gen design models/metrology-frame.toml --chart
+    Design(DesignArguments),
+    /// Everything: modes, gains, shaping, table, software in the loop.
+    ///
+    /// Example: host-gen generate models/metrology-frame.toml
+    Generate(TableArguments),
+    /// A page for a design review: the machine in 3D, its modes moving, all charts,
+    /// budgets, gains, assumptions. Of several machines also what differs.
+    ///
+    /// Example: host-gen report models/metrology-frame.toml
+    Report(ReportArguments),
+    /// The same page in a browser, up to date as the machine file is saved.
+    ///
+    /// Example: host-gen watch models/metrology-frame.toml
+    Watch(WatchArguments),
+    /// Whether a table is what the machine file gives.
+    ///
+    /// Example: host-gen check models/metrology-frame.toml
+    Check(TableArguments),
+    /// Open and closed loop in time, with converters, noise and the real step.
+    ///
+    /// Example: host-gen simulate models/metrology-frame.toml --duration 60
+    Simulate(SimulateArguments),
+    /// Faults, one by one, in the simulated loop: what self-test and supervisor make
+    /// of each.
+    ///
+    /// Example: host-gen campaign models/metrology-frame.toml
+    Campaign(CampaignArguments),
+    /// A board that is software: the machine simulated, the controller as a board
+    /// runs it, its link on TCP.
+    ///
+    /// Example: host-gen sil models/metrology-frame.toml --listen 127.0.0.1:7700
+    Sil(SilArguments),
+    /// Talks to a board: status, self-test, start, stop, inject, record, measure.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 status
+    Link(LinkArguments),
+}
+
+fn main() -> ExitCode {
+    match run(&Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            const ERROR: Style = AnsiColor::Red.on_default().bold();
+            anstream::eprintln!("{ERROR}error:{ERROR:#} {failure}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: &Command) -> Result<(), Failure> {
+    match command {
+        Command::New(arguments) => command::new::new(arguments),
+        Command::Schema => print::text(&schema()),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "host-gen", &mut script);
+            print::text(&String::from_utf8_lossy(&script))
+        }
+        Command::Modes(common) => command::model::modes(common),
+        Command::Gains(common) => command::model::gains(common),
+        Command::Zeros(common) => command::model::zeros(common),
+        Command::Poles(common) => command::poles::poles(common),
+        Command::Sigma(arguments) => command::sigma::sigma(arguments),
+        Command::Robust(arguments) => command::robust::robust(arguments),
+        Command::Floor(arguments) => command::floor::floor(arguments),
+        Command::Plant(arguments) => command::plant::plant(arguments),
+        Command::Compare(arguments) => command::compare::compare(arguments),
+        Command::Design(arguments) => command::design::design(arguments),
+        Command::Generate(arguments) => command::table::generate(arguments),
+        Command::Report(arguments) => command::report::report(arguments),
+        Command::Watch(arguments) => command::watch::watch(arguments),
+        Command::Check(arguments) => command::table::check(arguments),
+        Command::Simulate(arguments) => command::simulate::simulate(arguments),
+        Command::Campaign(arguments) => command::campaign::campaign(arguments),
+        Command::Sil(arguments) => command::sil::sil(arguments),
+        Command::Link(arguments) => command::link::link(arguments),
+    }
+}

@@ -1,0 +1,34 @@
+//! Results on standard output.
+
+use std::fmt::Display;
+use std::io::{self, Write as _};
+
+use serde::Serialize;
+
+use crate::arguments::Format;
+use crate::failure::Failure;
+
+/// A result as text or as JSON.
+pub fn result<T: Display + Serialize>(format: Format, result: &T) -> Result<(), Failure> {
+    let text = match format {
+        Format::Text => result.to_string(),
+        Format::Json => {
+            serde_json::to_string_pretty(result).expect("numbers and strings serialise") + "\n"
+        }
+    };
+    self::text(&text)
+}
+
+/// Text, with colours on a terminal only.
+pub fn text(text: &str) -> Result<(), Failure> {
+    match anstream::stdout().write_all(text.as_bytes()) {
+        // Whoever reads has seen enough.
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        Err(error) => Err(Failure::Io {
+            path: "standard output".to_owned(),
+            what: "written",
+            error,
+        }),
+        Ok(()) => Ok(()),
+    }
+}

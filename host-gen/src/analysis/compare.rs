@@ -1,0 +1,84 @@
+//! Machines side by side.
+
+use serde::Serialize;
+use shared::LEGS;
+
+use super::digest;
+use crate::closed_loop::Pole;
+use crate::design::{Design, DesignedStudy, Study, StudyError};
+use crate::machine::Feedback;
+use crate::model::energy::{Kind, energies};
+use crate::plant::zeros::transmission_zeros;
+
+/// `host-gen compare`.
+#[derive(Debug, Serialize)]
+pub struct MachineComparison {
+    pub(crate) machines: Vec<MachineColumn>,
+}
+
+#[derive(Debug, Serialize)]
+pub(crate) struct MachineColumn {
+    pub(crate) machine: String,
+    model_sha256: String,
+    pub(crate) feedback: &'static str,
+    pub(crate) suspension_hz: Vec<f64>,
+    pub(crate) internal_hz: Vec<f64>,
+    pub(crate) rigid_modes_hz: [f64; LEGS],
+    pub(crate) acceleration_zeros_hz: Vec<f64>,
+    pub(crate) force_zeros_hz: Vec<f64>,
+    /// Largest gain of the law, N/(m/s²) or 1.
+    pub(crate) largest_gain: f64,
+    /// Nothing where the target cannot be reached.
+    pub(crate) shaped: Option<Design>,
+}
+
+impl MachineComparison {
+    /// Machines side by side.
+    ///
+    /// # Errors
+    /// As [`Study::new`], and where an eigenvalue iteration does not converge.
+    pub fn new<'a>(
+        machines: impl IntoIterator<Item = &'a DesignedStudy>,
+    ) -> Result<Self, StudyError> {
+        let machines = machines
+            .into_iter()
+            .map(MachineColumn::new)
+            .collect::<Result<_, _>>()?;
+        Ok(Self { machines })
+    }
+}
+
+impl MachineColumn {
+    fn new(DesignedStudy { study, design }: &DesignedStudy) -> Result<Self, StudyError> {
+        let kinds = Study::of_each_kind(study.machine())?;
+        // Nothing without sensors of that kind.
+        let zeros = |feedback| -> Result<Vec<f64>, StudyError> {
+            let mut kinds = kinds.iter();
+            let Some(study) = kinds.find(|study| study.design_model().feedback == feedback) else {
+                return Ok(Vec::new());
+            };
+            let zeros = transmission_zeros(&study.plant().plant.state_space, feedback)?;
+            let upper = zeros.into_iter().filter(|s| s.im >= 0.0);
+            Ok(upper.map(|s| Pole::from(s).hz).collect())
+        };
+        let modes = study.model().modes();
+        let energies = energies(study.machine(), study.model(), &modes);
+        let of = |kind| {
+            let pairs = modes.hertz().into_iter().zip(&energies);
+            let those = pairs.filter(|(_, energies)| energies.kind == kind);
+            those.map(|(hz, _)| hz).collect()
+        };
+        Ok(Self {
+            machine: study.machine().name.clone(),
+            model_sha256: digest(study.machine()),
+            feedback: study.design_model().feedback.name(),
+            suspension_hz: of(Kind::Suspension),
+            internal_hz: of(Kind::Internal),
+            rigid_modes_hz: study.design_model().hertz(),
+            acceleration_zeros_hz: zeros(Feedback::Acceleration)?,
+            force_zeros_hz: zeros(Feedback::Force)?,
+            largest_gain: study.gains().proportional.amax(),
+            shaped: design.as_ref().ok().cloned(),
+        })
+    }
+}

@@ -1,0 +1,81 @@
+//! The designed controller beside the ideal one: isolation by mode, margins, delay,
+//! rounding, and what other boards would give.
+
+use serde::Serialize;
+
+use super::delay::DelayBudget;
+use super::digest;
+use super::isolation::{AT, ModeIsolation};
+use super::other_boards::{OtherBoard, other_boards};
+use super::rounding::{Rounding, rounding};
+use crate::closed_loop::SampledLoop;
+use crate::closed_loop::margins::{Margins, margins};
+use crate::control::LinearLaw;
+use crate::design::{Cache, Design, Study, StudyError};
+use crate::numeric::NumericError;
+use crate::numeric::frequencies::pole_peaks;
+use crate::progress::Progress;
+
+/// `host-gen design`.
+#[derive(Debug, Serialize)]
+pub struct DesignAnalysis {
+    pub(crate) machine: String,
+    model_sha256: String,
+    pub(crate) feedback: &'static str,
+    pub(crate) shaped: Design,
+    pub(crate) isolation_at_hz: [f64; AT.len()],
+    pub(crate) modes: Vec<ModeIsolation>,
+    pub(crate) margins: Margins,
+    pub(crate) delay: DelayBudget,
+    pub(crate) rounding: Vec<Rounding>,
+    pub(crate) chart: Vec<OtherBoard>,
+}
+
+impl DesignAnalysis {
+    /// Of a study's design.
+    ///
+    /// # Errors
+    /// Where an eigenvalue iteration does not converge.
+    pub fn new(study: &Study, design: Design) -> Result<Self, NumericError> {
+        let machine = study.machine();
+        let closed = SampledLoop {
+            plant: study.plant(),
+            law: LinearLaw::new(&design.table),
+        };
+        let poles = closed.poles()?;
+        Ok(Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            feedback: study.design_model().feedback.name(),
+            isolation_at_hz: AT,
+            modes: ModeIsolation::all(study, &closed, &poles)?,
+            margins: margins(
+                &closed,
+                study.design_model(),
+                machine.board.whole_delay(),
+                machine.target.max_sensitivity,
+                &pole_peaks(&poles),
+            ),
+            delay: DelayBudget::new(&machine.board),
+            rounding: rounding(machine, &design.table),
+            chart: Vec::new(),
+            shaped: design,
+        })
+    }
+
+    /// With what other boards would give, which takes some times as long as a
+    /// design.
+    ///
+    /// # Errors
+    /// Where another board makes no study or an eigenvalue iteration does not
+    /// converge.
+    pub fn with_other_boards(
+        mut self,
+        study: &Study,
+        cache: Option<&Cache>,
+        progress: &dyn Progress,
+    ) -> Result<Self, StudyError> {
+        self.chart = other_boards(study.machine(), cache, progress)?;
+        Ok(self)
+    }
+}

@@ -1,0 +1,125 @@
+//! Vibration criteria.
+
+use core::f64::consts::TAU;
+
+use serde::Serialize;
+
+/// Vibration criteria of the IEST, and NIST-A: one-third-octave rms velocities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[expect(missing_docs, reason = "their names say all there is")]
+pub enum Criterion {
+    VcA,
+    VcB,
+    VcC,
+    VcD,
+    VcE,
+    VcF,
+    VcG,
+    NistA,
+}
+
+impl Criterion {
+    /// VC-A to VC-G, the least strict first.
+    pub const VC: [Self; 7] = [
+        Self::VcA,
+        Self::VcB,
+        Self::VcC,
+        Self::VcD,
+        Self::VcE,
+        Self::VcF,
+        Self::VcG,
+    ];
+
+    /// All criteria.
+    pub const ALL: [Self; 8] = [
+        Self::VcA,
+        Self::VcB,
+        Self::VcC,
+        Self::VcD,
+        Self::VcE,
+        Self::VcF,
+        Self::VcG,
+        Self::NistA,
+    ];
+
+    /// The name in lower case, as on a command line.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::VcA => "vc-a",
+            Self::VcB => "vc-b",
+            Self::VcC => "vc-c",
+            Self::VcD => "vc-d",
+            Self::VcE => "vc-e",
+            Self::VcF => "vc-f",
+            Self::VcG => "vc-g",
+            Self::NistA => "nist-a",
+        }
+    }
+
+    /// The name as printed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::VcA => "VC-A",
+            Self::VcB => "VC-B",
+            Self::VcC => "VC-C",
+            Self::VcD => "VC-D",
+            Self::VcE => "VC-E",
+            Self::VcF => "VC-F",
+            Self::VcG => "VC-G",
+            Self::NistA => "NIST-A",
+        }
+    }
+
+    /// Where the criterion begins, Hz.
+    pub fn begins(self) -> f64 {
+        match self {
+            Self::VcA | Self::VcB => 4.0,
+            _ => 1.0,
+        }
+    }
+
+    /// Whether it says anything of the one-third-octave band about `hz`. The nominal
+    /// centres are 4, 5, 6.3 Hz and so on; 10^0.6 is 3.98.
+    pub fn covers(self, hz: f64) -> bool {
+        hz > 0.98 * self.begins()
+    }
+
+    /// The rms velocity in the one-third-octave band about `hz`, m/s. VC-A and
+    /// B are flat from 8 Hz and rise as 1/f from there down to 4 Hz; C to G are
+    /// flat; NIST-A is 0.025 µm up to 20 Hz and 3.1 µm/s above. Beyond its ends
+    /// a criterion is continued flat.
+    pub fn velocity(self, hz: f64) -> f64 {
+        let rising = |flat: f64| flat * 8.0 / hz.clamp(4.0, 8.0);
+        1e-6 * match self {
+            Self::VcA => rising(50.0),
+            Self::VcB => rising(25.0),
+            Self::VcC => 12.5,
+            Self::VcD => 6.25,
+            Self::VcE => 3.125,
+            Self::VcF => 1.5625,
+            Self::VcG => 0.781_25,
+            Self::NistA if hz < 20.0 => 0.025 * TAU * hz.max(1.0),
+            Self::NistA => 3.1,
+        }
+    }
+}
+
+/// Centres of the one-third-octave bands from 1 to 80 Hz.
+pub fn third_centres() -> impl Iterator<Item = f64> {
+    (0..20).map(|n| 10f64.powf(f64::from(n) / 10.0))
+}
+
+/// A name that is none of a criterion's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("not a criterion: write vc-a to vc-g, or nist-a")]
+pub struct UnknownCriterion;
+
+impl core::str::FromStr for Criterion {
+    type Err = UnknownCriterion;
+
+    fn from_str(key: &str) -> Result<Self, UnknownCriterion> {
+        let mut all = Self::ALL.into_iter();
+        all.find(|criterion| criterion.key() == key)
+            .ok_or(UnknownCriterion)
+    }
+}

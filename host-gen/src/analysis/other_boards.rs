@@ -1,0 +1,60 @@
+//! What boards with another sample rate or delay would give.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::design::{Cache, DesignError, Effort, Search, Study, StudyError};
+use crate::machine::Machine;
+use crate::progress::Progress;
+
+/// What another board would give.
+#[derive(Debug, Serialize)]
+pub(crate) struct OtherBoard {
+    pub(crate) sample_rate: f64,
+    pub(crate) whole_delay: f64,
+    /// By band, dB; empty where the target cannot be reached.
+    pub(crate) sampled_db: Vec<f64>,
+}
+
+/// The same machine at once and twice the sample rate, with the latch where it
+/// is, 10 and 20 µs sooner, and 10 µs later, each with a rough search.
+pub(crate) fn other_boards(
+    machine: &Machine,
+    cache: Option<&Cache>,
+    progress: &dyn Progress,
+) -> Result<Vec<OtherBoard>, StudyError> {
+    let mut boards = Vec::new();
+    for rate in [1.0, 2.0] {
+        for later in [10e-6, 0.0, -10e-6, -20e-6] {
+            let mut machine = machine.clone();
+            let board = &mut machine.board;
+            board.sample_rate *= rate;
+            board.latch_delay += later;
+            if board.latch_delay >= 0.0 {
+                boards.push(machine);
+            }
+        }
+    }
+    boards
+        .into_par_iter()
+        .map(|machine| {
+            let board = machine.board;
+            let study = Study::new(machine)?;
+            let search = Search {
+                effort: Effort::Rough,
+                cache,
+                progress,
+            };
+            let sampled_db = match search.design(&study) {
+                Ok(design) => design.bands.iter().map(|band| band.sampled_db).collect(),
+                Err(DesignError::Unreachable { .. }) => Vec::new(),
+                Err(error) => return Err(error.into()),
+            };
+            Ok(OtherBoard {
+                sample_rate: board.sample_rate,
+                whole_delay: board.whole_delay(),
+                sampled_db,
+            })
+        })
+        .collect()
+}

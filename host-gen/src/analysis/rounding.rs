@@ -1,0 +1,152 @@
+//! What single precision costs: the step's law against the same law in double
+//! precision, on the same sensor values.
+
+use core::f64::consts::TAU;
+
+use nalgebra::{Complex, DVector, Matrix6, Vector6};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::Serialize;
+use shared::LEGS;
+use shared::step::{Demand, LawState, force};
+use shared::table::{Paths, ValidTable};
+
+use crate::control::LinearLaw;
+use crate::machine::Machine;
+
+/// Rounding at one frequency.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Rounding {
+    /// Hz.
+    pub hz: f64,
+    /// Power of the forces' rounding over that of the forces that sensor and
+    /// ADC noise cause, worst leg, dB.
+    pub over_noise_db: f64,
+    /// The same of rounding to the DAC's codes, as white noise.
+    pub codes_over_noise_db: f64,
+}
+
+/// Where it is looked at, Hz.
+const AT: [f64; 8] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 4000.0];
+
+/// Seconds looked at, in windows of two.
+const WINDOWS: usize = 12;
+const WINDOW: f64 = 2.0;
+
+/// Runs both laws on sensor noise and on a slow motion that takes up to half of
+/// the actuators' limit: the state then is large while its noise must stay
+/// small.
+///
+/// AC coupling is left out: its averages hold the offset, whose rounding is
+/// beneath that of the ADC's code.
+pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
+    let mut plain = *table.get();
+    plain.ac_coupling = 0.0;
+    let Ok(plain) = plain.validate() else {
+        return Vec::new();
+    };
+    let linear = LinearLaw::new(&plain);
+    let exact = linear.state_space();
+    let law = plain.get().law;
+    let board = &machine.board;
+    let nyquist = (0.5 * board.sample_rate).sqrt();
+    // By sensor: rms of its noise with the ADC's, and of accelerations that are
+    // alike the forces that go with them.
+    let mut noise = Vec::new();
+    for sensor in [Some(board.sensor), board.beside].into_iter().flatten() {
+        let adc = board.adc_noise.hypot(board.adc.lsb() / 12f64.sqrt());
+        let rms = (sensor.noise_density * nyquist).hypot(adc / sensor.sensitivity);
+        noise.extend([rms; LEGS]);
+    }
+    let mut motion = vec![1.0; LEGS];
+    if let (Paths::Modal(modal), Some(complement)) = (&law.paths, plain.get().complement()) {
+        let double = |m: &Matrix6<f32>| m.map(f64::from);
+        let modes = double(&modal.input) * Vector6::repeat(1.0);
+        let forces = double(&complement.input).lu().solve(&modes);
+        motion.extend(forces.iter().flat_map(|forces| forces.iter()));
+    }
+    let [noise, motion] = [noise, motion].map(DVector::from_vec);
+    let slow_hz = 0.7 * machine.target.frequency;
+    let gain = linear.response(Complex::cis(TAU * slow_hz / board.sample_rate));
+    let largest = (gain * motion.map(Complex::from))
+        .iter()
+        .map(|force| force.norm())
+        .fold(0.0, f64::max);
+    let slow = 0.5 * board.force_limit / largest;
+    let mut random = ChaCha8Rng::seed_from_u64(machine.simulation.seed);
+
+    let mut single = LawState::REST;
+    let states = exact.a.nrows();
+    let [mut whole, mut of_noise] = [(); 2].map(|()| DVector::<f64>::zeros(states));
+    let length = (WINDOW * board.sample_rate) as usize;
+    let blank = || vec![[Complex::<f64>::ZERO; LEGS]; AT.len()];
+    let mut powers = [[[0.0_f64; LEGS]; AT.len()]; 2];
+    // The first window settles.
+    for window in 0..=WINDOWS {
+        let mut sums = [blank(), blank()];
+        for k in 0..length {
+            let time = (window * length + k) as f64 / board.sample_rate;
+            let slow = slow * (TAU * slow_hz * time).sin();
+            let n = DVector::from_fn(noise.len(), |i, _| {
+                let normal: f64 = StandardNormal.sample(&mut random);
+                normal * noise[i]
+            });
+            // The same numbers to both: what the step reads is single.
+            let read = (&n + slow * &motion).map(|x| x as f32);
+            let y = read.map(f64::from);
+            let kind =
+                |first: usize| core::array::from_fn(|i| read.get(first + i).map_or(0.0, |x| *x));
+            let (w, forces) = (kind(0), kind(LEGS));
+            let (found, _) = force(
+                &law,
+                &[f32::MAX; LEGS],
+                &mut single,
+                &w,
+                &forces,
+                &Demand::LAW,
+            );
+            let expected = &exact.c * &whole + &exact.d * &y;
+            whole = &exact.a * whole + &exact.b * y;
+            let by_noise = &exact.c * &of_noise + &exact.d * &n;
+            of_noise = &exact.a * of_noise + &exact.b * n;
+            if window == 0 {
+                continue;
+            }
+            // Hann's window.
+            let part = (core::f64::consts::PI * k as f64 / length as f64)
+                .sin()
+                .powi(2);
+            for (i, hz) in AT.iter().enumerate() {
+                let turn = Complex::cis(-TAU * hz * k as f64 / board.sample_rate) * part;
+                for leg in 0..LEGS {
+                    sums[0][i][leg] += turn * (f64::from(found[leg]) - expected[leg]);
+                    sums[1][i][leg] += turn * by_noise[leg];
+                }
+            }
+        }
+        for (powers, sums) in powers.iter_mut().zip(sums) {
+            for (powers, sums) in powers.iter_mut().zip(sums) {
+                for (power, sum) in powers.iter_mut().zip(sums) {
+                    *power += sum.norm_sqr();
+                }
+            }
+        }
+    }
+    let code = (board.dac.lsb() * board.actuator_gain).powi(2) / 12.0;
+    let by_noise = |hz: f64| {
+        let gain = linear.response(Complex::cis(TAU * hz / board.sample_rate));
+        gain.map(|z| z.norm_sqr()) * noise.map(|rms| rms * rms)
+    };
+    AT.iter()
+        .enumerate()
+        .filter(|(_, hz)| **hz < 0.5 * board.sample_rate)
+        .map(|(i, &hz)| Rounding {
+            hz,
+            codes_over_noise_db: 10.0 * (code / by_noise(hz).min()).log10(),
+            over_noise_db: (0..LEGS)
+                .map(|leg| 10.0 * (powers[0][i][leg] / powers[1][i][leg]).log10())
+                .fold(f64::MIN, f64::max),
+        })
+        .collect()
+}

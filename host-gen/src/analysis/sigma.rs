@@ -1,0 +1,144 @@
+//! The largest singular value of G11 over frequency: the paper's Fig. 5.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::digest;
+use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
+use crate::control::LinearLaw;
+use crate::design::DesignedStudy;
+use crate::machine::{Feedback, Machine};
+use crate::numeric::NumericError;
+use crate::numeric::frequencies::{grid, pole_peaks};
+use crate::numeric::singular::largest_singular_value;
+
+/// `host-gen sigma`.
+#[derive(Debug, Serialize)]
+pub struct SigmaAnalysis {
+    pub(crate) machine: String,
+    model_sha256: String,
+    pub(crate) hz: Vec<f64>,
+    pub(crate) curves: Vec<SigmaCurve>,
+    /// Loops that are not among the curves, and why.
+    pub(crate) missing: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+pub(crate) struct SigmaCurve {
+    pub(crate) name: String,
+    /// The largest singular value of G11 at every `hz`.
+    pub(crate) sigma_max: Vec<f64>,
+    /// What is fed back and how; none without control.
+    #[serde(skip)]
+    pub(crate) of: Option<(Feedback, LawKind)>,
+}
+
+/// The paper's law, or the board's.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum LawKind {
+    Ideal,
+    Sampled,
+}
+
+/// Where to evaluate singular values.
+#[derive(Clone, Debug)]
+pub enum Frequencies {
+    /// From `low` to `high` Hz, `count` evenly in the logarithm and more about
+    /// every lightly damped pole, open and closed, so that no peak lies between
+    /// two of them.
+    Adaptive {
+        /// Hz.
+        low: f64,
+        /// Hz.
+        high: f64,
+        /// At least two.
+        count: usize,
+    },
+    /// At these alone, Hz.
+    At(Vec<f64>),
+}
+
+impl SigmaAnalysis {
+    /// σ_max(G11) at `frequencies` of the loops of one machine, the first of
+    /// them also open.
+    ///
+    /// # Errors
+    /// Where an eigenvalue iteration does not converge.
+    pub fn new(
+        machine: &Machine,
+        studies: &[DesignedStudy],
+        frequencies: Frequencies,
+    ) -> Result<Self, NumericError> {
+        let mut missing = Vec::new();
+        let mut peaks = Vec::new();
+        let mut loops = Vec::new();
+        for DesignedStudy { study, design } in studies {
+            let plant = &study.plant().plant;
+            peaks.extend(plant.peaks());
+            let ideal = ideal_poles(&plant.state_space, study.gains())?;
+            peaks.extend(pole_peaks(&ideal));
+            let name = study.design_model().feedback.name();
+            // That of both kinds is the accelerations'.
+            let own = study.design_model().feedback != Feedback::Both;
+            let ideal_holds = own && stable(&ideal);
+            if own && !ideal_holds {
+                missing.push(format!("{name}, ideal: that loop is unstable"));
+            }
+            let sampled = match design {
+                Ok(design) => {
+                    let law = LinearLaw::new(&design.table);
+                    let plant = study.plant();
+                    let closed = SampledLoop { plant, law };
+                    peaks.extend(pole_peaks(&closed.poles()?));
+                    Some(closed)
+                }
+                Err(reason) => {
+                    missing.push(format!("{name}, sampled: {reason}"));
+                    None
+                }
+            };
+            loops.push((study, ideal_holds, sampled));
+        }
+        let hz = match frequencies {
+            Frequencies::Adaptive { low, high, count } => grid(low, high, count, &peaks),
+            Frequencies::At(hz) => hz,
+        };
+        let curve = |of: Option<(Feedback, LawKind)>, sigma: &(dyn Fn(f64) -> f64 + Sync)| SigmaCurve {
+            name: match of {
+                None => "open".to_owned(),
+                Some((kind, LawKind::Ideal)) => format!("{}, ideal", kind.name()),
+                Some((kind, LawKind::Sampled)) => format!("{}, sampled", kind.name()),
+            },
+            of,
+            sigma_max: hz.par_iter().map(|&hz| sigma(hz)).collect(),
+        };
+        let mut curves = Vec::new();
+        for (i, (study, ideal_holds, sampled)) in loops.iter().enumerate() {
+            let plant = &study.plant().plant;
+            let rows = plant.performance();
+            if i == 0 {
+                curves.push(curve(None, &|hz| {
+                    largest_singular_value(&plant.response(hz).from_floor(rows.clone()))
+                }));
+            }
+            let kind = study.design_model().feedback;
+            if *ideal_holds {
+                curves.push(curve(Some((kind, LawKind::Ideal)), &|hz| {
+                    largest_singular_value(&close_ideal(plant, study.gains(), hz, rows.clone()))
+                }));
+            }
+            if let Some(closed) = sampled {
+                curves.push(curve(Some((kind, LawKind::Sampled)), &|hz| {
+                    largest_singular_value(&closed.close(hz, rows.clone()))
+                }));
+            }
+        }
+        Ok(Self {
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
+            hz,
+            curves,
+            missing,
+        })
+    }
+}

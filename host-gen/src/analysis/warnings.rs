@@ -1,0 +1,66 @@
+//! What an engineer should know about a machine's numbers.
+
+use serde::Serialize;
+
+use crate::design::Study;
+use crate::machine::{Certainty, Feedback, Provenance};
+use crate::model::gravity::buckling_load;
+use crate::numeric::NumericError;
+use crate::plant::zeros::{grow, transmission_zeros};
+
+/// What numbers rest on.
+#[derive(Debug, Serialize)]
+pub(crate) struct Statement {
+    pub(crate) kind: &'static str,
+    pub(crate) entries: Vec<String>,
+    pub(crate) from: String,
+}
+
+impl Statement {
+    /// As the machine's file has it.
+    pub(crate) fn new(provenance: &Provenance) -> Self {
+        Self {
+            kind: match provenance.kind {
+                Certainty::Published => "published",
+                Certainty::Reconstructed => "reconstructed",
+                Certainty::Assumed => "assumed",
+            },
+            entries: provenance.entries.clone(),
+            from: provenance.from.clone(),
+        }
+    }
+}
+
+/// What gravity does to a machine that an engineer would want to be told.
+///
+/// # Errors
+/// Where an eigenvalue iteration does not converge.
+pub(crate) fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
+    let mut warnings = Vec::new();
+    let loads = study.model().statics.axial.iter();
+    for (beam, load) in study.machine().beams.iter().zip(loads) {
+        let limit = buckling_load(beam);
+        if -load > limit {
+            warnings.push(format!(
+                "{} buckles: it carries {:.0} N and bears {limit:.0} N",
+                beam.name, -load
+            ));
+        }
+    }
+    if study.model().modes().squares[0] < 0.0 {
+        warnings.push("the machine falls under its own weight".to_owned());
+    }
+    let feedback = study.design_model().feedback;
+    if feedback != Feedback::Both
+        && grow(&transmission_zeros(
+            &study.plant().plant.state_space,
+            feedback,
+        )?)
+    {
+        warnings.push(
+            "what is left with the sensors held is unstable under gravity: see host-gen zeros"
+                .to_owned(),
+        );
+    }
+    Ok(warnings)
+}

@@ -1,0 +1,61 @@
+//! The loop of the paper: unsampled and without delay.
+
+use core::ops::Range;
+
+use nalgebra::{Complex, DMatrix, Matrix6, Matrix6xX};
+use shared::LEGS;
+
+use crate::control::Gains;
+use crate::numeric::NumericError;
+use crate::numeric::eigen::eigenvalues;
+use crate::plant::{Control, Gain, Plant, StateSpace};
+
+/// σ = C(jω)·y of the unsampled law, Eqs. (21) and (22).
+pub fn ideal_response(gains: &Gains, hz: f64) -> Control {
+    let s = Complex::new(0.0, core::f64::consts::TAU * hz);
+    let c = -(gains.proportional.map(Complex::from) + gains.integral.map(|i| i / s));
+    Control::from_column_slice(c.as_slice())
+}
+
+/// Floor accelerations to `rows` of the plant's outputs at `hz`, under the
+/// unsampled law.
+pub fn close_ideal(plant: &Plant, gains: &Gains, hz: f64, rows: Range<usize>) -> Gain {
+    plant.response(hz).close(rows, &ideal_response(gains, hz))
+}
+
+/// The poles of a plant with the unsampled, undelayed law, rad/s, slowest
+/// first. The first six outputs of `plant` are the sensors.
+///
+/// Six more at s = 0 are left out: the integrals of the sensors, whose
+/// constants of integration nothing holds.
+///
+/// # Errors
+/// Where the loop is ill-posed or the eigenvalue iteration does not converge.
+pub fn ideal_poles(
+    plant: &StateSpace,
+    gains: &Gains,
+) -> Result<Vec<Complex<f64>>, NumericError> {
+    let states = plant.a.nrows();
+    // With Y the integral of the sensors: σ = −(P·(c·x + d·σ) + I·Y).
+    let c = plant.c.rows(0, LEGS);
+    let d: Matrix6<f64> = plant.d.fixed_view::<LEGS, LEGS>(0, LEGS).into_owned();
+    let mut force = Matrix6xX::zeros(states + LEGS);
+    force
+        .columns_mut(0, states)
+        .copy_from(&(-gains.proportional * c));
+    force.columns_mut(states, LEGS).copy_from(&-gains.integral);
+    let force = (Matrix6::identity() + gains.proportional * d)
+        .lu()
+        .solve(&force)
+        .ok_or(NumericError::IllPosed)?;
+    let mut a = DMatrix::zeros(states + LEGS, states + LEGS);
+    a.view_mut((0, 0), (states, states)).copy_from(&plant.a);
+    a.view_mut((states, 0), (LEGS, states)).copy_from(&c);
+    let mut rows = a.rows_mut(0, states);
+    rows += plant.b.columns(LEGS, LEGS) * &force;
+    let mut rows = a.rows_mut(states, LEGS);
+    rows += d * force;
+    let mut poles = eigenvalues(&a)?;
+    poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+    Ok(poles.split_off(LEGS))
+}

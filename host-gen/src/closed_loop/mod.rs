@@ -1,0 +1,18 @@
+//! How plant and law behave together: the ideal loop and the sampled one, their
+//! poles, sensitivity, isolation and margins.
+
+pub mod ideal;
+pub mod isolation;
+pub mod margins;
+pub mod poles;
+pub mod sampled;
+pub mod sensitivity;
+
+pub use ideal::{close_ideal, ideal_poles, ideal_response};
+pub use poles::{Pole, stable};
+pub use sampled::SampledLoop;
+pub use sensitivity::{LoopGrid, PeakSensitivity};
+
+/// The loop is looked at from this part of the target frequency on: far below
+/// AC coupling and leak.
+pub const SLOWEST: f64 = 1e-3;

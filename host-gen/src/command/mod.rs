@@ -1,7 +1,0 @@
-//! Commands with a file of their own.
-
-pub mod link;
-pub mod new;
-pub mod report;
-pub mod sil;
-pub mod watch;

@@ -1,0 +1,78 @@
+//! A machine with everything that follows from its file alone: model, design
+//! model, ideal gains, sampled plant.
+
+use crate::control::Gains;
+use crate::machine::{Feedback, Machine, MachineError};
+use crate::model::design_model::DesignModel;
+use crate::model::multibody::Multibody;
+use crate::plant::{Plant, SampledPlant};
+
+/// A machine with its model, its design model, its ideal gains and its plant.
+///
+/// Its parts cannot be changed apart from each other: they belong to one machine.
+#[derive(Clone, Debug)]
+pub struct Study {
+    machine: Machine,
+    model: Multibody,
+    design_model: DesignModel,
+    gains: Gains,
+    plant: SampledPlant,
+}
+
+impl Study {
+    /// Models `machine`, and samples it with the timing of its board.
+    ///
+    /// # Errors
+    /// Where the arrangement of bodies, legs, sensors or floor inputs makes no model,
+    /// with the entry at fault.
+    pub fn new(machine: Machine) -> Result<Self, MachineError> {
+        let model = Multibody::new(&machine)?;
+        let design_model = DesignModel::new(&machine, &model, machine.target.feedback)?;
+        let gains = Gains::new(&design_model, &machine.target);
+        let plant = Plant::new(&machine, &model, &design_model)?;
+        let plant = SampledPlant::new(plant, &machine.board);
+        Ok(Self {
+            machine,
+            model,
+            design_model,
+            gains,
+            plant,
+        })
+    }
+
+    /// The studies of accelerations and of forces fed back, of those for which a
+    /// machine has sensors.
+    ///
+    /// # Errors
+    /// As [`Study::new`].
+    pub fn of_each_kind(machine: &Machine) -> Result<Vec<Self>, MachineError> {
+        let kinds = [Feedback::Acceleration, Feedback::Force];
+        let machines = kinds.map(|feedback| machine.with_feedback(feedback));
+        machines.into_iter().flatten().map(Self::new).collect()
+    }
+
+    /// The machine as its file describes it.
+    pub fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// M, K and the coordinates of the flexible machine.
+    pub fn model(&self) -> &Multibody {
+        &self.model
+    }
+
+    /// All bodies as one on six legs: what the gains are computed from.
+    pub fn design_model(&self) -> &DesignModel {
+        &self.design_model
+    }
+
+    /// The ideal gains for the machine's target.
+    pub fn gains(&self) -> &Gains {
+        &self.gains
+    }
+
+    /// The flexible plant as the board samples it.
+    pub fn plant(&self) -> &SampledPlant {
+        &self.plant
+    }
+}

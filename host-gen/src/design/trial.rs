@@ -1,0 +1,91 @@
+//! One shaping on the true loop, and why a target may be missed.
+
+use nalgebra::Complex;
+use shared::table::{TableError, ValidTable};
+
+use super::outcome::{DesignError, PerturbedSet, Shaping};
+use super::study::Study;
+use crate::closed_loop::{LoopGrid, PeakSensitivity, SampledLoop, stable};
+use crate::control::{Gains, LinearLaw, table};
+use crate::machine::Target;
+use crate::numeric::NumericError;
+
+/// A shaping whose loop is stable within the bound.
+pub(super) struct Trial {
+    pub(super) shaping: Shaping,
+    pub(super) drawn: Option<PerturbedSet>,
+    pub(super) table: ValidTable,
+    pub(super) poles: Vec<Complex<f64>>,
+}
+
+impl Trial {
+    /// The loop of a shaping, if it is stable within the bound, and its peak
+    /// sensitivity.
+    pub(super) fn new(
+        study: &Study,
+        target: &Target,
+        shaping: &Shaping,
+        loops: &LoopGrid,
+    ) -> Result<(Option<Self>, PeakSensitivity), Miss> {
+        let (machine, plant) = (study.machine(), study.plant());
+        let model = study.design_model();
+        let table = match shaping {
+            Shaping::Common { corner_hz } => {
+                let gains = Gains::new(model, target);
+                table::direct(machine, plant, target, &gains, *corner_hz)?
+            }
+            Shaping::Modes { shapes } => table::modal(machine, plant, model, target, shapes)?,
+        };
+        let closed_loop = closed(study, &table);
+        let poles = closed_loop.poles()?;
+        let peak = loops.peak(plant, &closed_loop.law);
+        let holds = stable(&poles) && peak.bounded() <= target.max_sensitivity;
+        let trial = holds.then(|| Self {
+            shaping: shaping.clone(),
+            drawn: None,
+            table,
+            poles,
+        });
+        Ok((trial, peak))
+    }
+}
+
+/// The sampled loop of a study under `table`.
+pub(super) fn closed<'a>(study: &'a Study, table: &ValidTable) -> SampledLoop<'a> {
+    SampledLoop {
+        plant: study.plant(),
+        law: LinearLaw::new(table),
+    }
+}
+
+/// Why a target is not reached.
+pub(super) enum Miss {
+    Error(DesignError),
+    /// No shaping is stable with the requested sensitivity.
+    Unstable,
+    /// The best loop isolates only from `sampled` Hz, the ideal one from `ideal` Hz.
+    Late {
+        ideal: f64,
+        sampled: f64,
+    },
+}
+
+impl From<TableError> for Miss {
+    fn from(error: TableError) -> Self {
+        Self::Error(error.into())
+    }
+}
+
+impl From<NumericError> for Miss {
+    fn from(error: NumericError) -> Self {
+        Self::Error(error.into())
+    }
+}
+
+/// From one frequency to the next where frequencies are scanned.
+pub(super) const SCAN: f64 = 1.25;
+
+/// 1.3 for 1.3000000000000003.
+pub(super) fn nearest_decimal(x: f64) -> f64 {
+    format!("{x:.6e}").parse().unwrap_or(x)
+}

@@ -1,0 +1,96 @@
+//! Kinematics and stiffness of a beam between two nodes.
+
+use nalgebra::{DMatrix, Matrix3, Matrix6, RowVector3, Vector3};
+
+use crate::machine::{Beam, Carrier, Machine};
+
+/// −[v]×: the rotation φ moves a point at v by φ × v.
+fn lever(v: &Vector3<f64>) -> Matrix3<f64> {
+    -v.cross_matrix()
+}
+
+/// Six rows: motion of a point at `at` (translation, rotation) from the motion
+/// of a rigid body whose reference is at `reference`.
+pub(crate) fn transport(at: &Vector3<f64>, reference: &Vector3<f64>) -> Matrix6<f64> {
+    let mut matrix = Matrix6::identity();
+    matrix
+        .fixed_view_mut::<3, 3>(0, 3)
+        .copy_from(&lever(&(at - reference)));
+    matrix
+}
+
+/// SPACAR's six deformations, all in m, from the end motions p then q
+/// (translation and rotation of each), first order: 6×12.
+///
+/// e1 elongation; e2 = L·twist; e3 = −L·(φ − chord) at p and e4 the same at q
+/// with the other sign, in the local x–z plane; e5 and e6 likewise in x–y.
+pub(crate) fn beam_deformations(beam: &Beam) -> DMatrix<f64> {
+    let [x, y, z] = [0, 1, 2].map(|i| beam.axes.row(i).into_owned());
+    let length = beam.length;
+    let mut rows = DMatrix::zeros(6, 12);
+    let mut put = |row: usize, column: usize, values: RowVector3<f64>| {
+        rows.fixed_view_mut::<1, 3>(row, column).copy_from(&values);
+    };
+    let (up, fp, uq, fq) = (0, 3, 6, 9);
+    put(0, up, -x);
+    put(0, uq, x);
+    put(1, fp, -length * x);
+    put(1, fq, length * x);
+    put(2, up, z);
+    put(2, uq, -z);
+    put(2, fp, -length * y);
+    put(3, up, -z);
+    put(3, uq, z);
+    put(3, fq, length * y);
+    put(4, up, -y);
+    put(4, uq, y);
+    put(4, fp, -length * z);
+    put(5, up, y);
+    put(5, uq, -y);
+    put(5, fq, length * z);
+    rows
+}
+
+/// Stiffness against those deformations, N/m: EA/L, GJ/L³, and per bending
+/// plane EI/L³·[[4, −2], [−2, 4]].
+pub(crate) fn deformation_stiffness(beam: &Beam) -> DMatrix<f64> {
+    let per_area = 1.0 / (beam.length * beam.length);
+    let mut s = DMatrix::zeros(6, 6);
+    s[(0, 0)] = beam.stiffness.axial;
+    s[(1, 1)] = beam.stiffness.torsion * per_area;
+    for (plane, bending) in beam.stiffness.bending.iter().enumerate() {
+        let i = 2 + 2 * plane;
+        s[(i, i)] = 4.0 * bending * per_area;
+        s[(i + 1, i + 1)] = 4.0 * bending * per_area;
+        s[(i, i + 1)] = -2.0 * bending * per_area;
+        s[(i + 1, i)] = -2.0 * bending * per_area;
+    }
+    s
+}
+
+/// The six deformations of a beam from body coordinates, 6×6n.
+pub(crate) fn deformations_from_bodies(machine: &Machine, beam: &Beam) -> DMatrix<f64> {
+    let ends = beam_deformations(beam);
+    let mut rows = DMatrix::zeros(6, 6 * machine.bodies.len());
+    for (end, &node) in beam.ends.iter().enumerate() {
+        let node = &machine.nodes[node];
+        if let Carrier::Body(body) = node.carrier {
+            let mut block = rows.columns_mut(6 * body, 6);
+            block += ends.columns(6 * end, 6) * transport(&node.at, &machine.bodies[body].cog);
+        }
+    }
+    rows
+}
+
+/// The twelve end motions of a beam from body coordinates.
+pub(crate) fn end_motions(machine: &Machine, beam: &Beam, size: usize) -> DMatrix<f64> {
+    let mut rows = DMatrix::zeros(12, size);
+    for (end, &node) in beam.ends.iter().enumerate() {
+        let node = &machine.nodes[node];
+        if let Carrier::Body(body) = node.carrier {
+            rows.view_mut((6 * end, 6 * body), (6, 6))
+                .copy_from(&transport(&node.at, &machine.bodies[body].cog));
+        }
+    }
+    rows
+}

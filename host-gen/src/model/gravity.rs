@@ -1,0 +1,126 @@
+//! Gravity: static loads of the beams and the geometric stiffness they make.
+//!
+//! The machine is taken to stand as drawn under its own weight: the nodes are
+//! where the file says, and the loads balance the weight there. A
+//! load changes the stiffness in two ways. A beam under axial force N resists
+//! bending by N's geometric stiffness, 6N/5L sideways where it is clamped at
+//! both ends. And a body that turns moves the points where forces act on it.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+use super::beam::{
+    beam_deformations, deformation_stiffness, deformations_from_bodies, end_motions,
+};
+use crate::machine::{Beam, Carrier, Machine};
+
+/// Loads under gravity and what they do.
+#[derive(Clone, Debug, Default)]
+pub struct Statics {
+    /// Axial force of every beam, N, tension positive; empty without gravity.
+    pub axial: Vec<f64>,
+    /// Geometric stiffness in body coordinates; empty without gravity.
+    pub geometric: DMatrix<f64>,
+}
+
+/// The compression at which a beam with ends that neither turn nor shift
+/// buckles, N: Euler's 4π²·EI/L² for the weaker plane.
+pub fn buckling_load(beam: &Beam) -> f64 {
+    let [y, z] = beam.stiffness.bending;
+    let tau = core::f64::consts::TAU;
+    tau * tau * y.min(z) / beam.length
+}
+
+impl Statics {
+    /// Of `machine` under its gravity; `elastic` is its stiffness in body
+    /// coordinates without that of gravity, 6n×6n.
+    pub(crate) fn new(machine: &Machine, elastic: &DMatrix<f64>) -> Self {
+        let mut weight = DVector::zeros(elastic.nrows());
+        for (i, body) in machine.bodies.iter().enumerate() {
+            weight
+                .rows_mut(6 * i, 3)
+                .copy_from(&(machine.gravity * body.mass));
+        }
+        let sag = elastic
+            .clone()
+            .lu()
+            .solve(&weight)
+            .expect("the elastic stiffness was checked to be positive definite");
+        Self::of_sag(machine, &sag)
+    }
+
+    fn of_sag(machine: &Machine, sag: &DVector<f64>) -> Self {
+        let size = sag.len();
+        let mut geometric = DMatrix::zeros(size, size);
+        let mut axial = Vec::new();
+        for beam in &machine.beams {
+            let rows = deformations_from_bodies(machine, beam);
+            let deformation = &rows * sag;
+            let stress = deformation_stiffness(beam) * &deformation;
+            let force = stress[0];
+            axial.push(force);
+            let ends = end_motions(machine, beam, size);
+            geometric += ends.transpose() * beam_geometric(beam, force) * &ends;
+            // What the beam's ends push on the bodies with.
+            let push = -(beam_deformations(beam).transpose() * stress);
+            for (end, &node) in beam.ends.iter().enumerate() {
+                let node = &machine.nodes[node];
+                if let Carrier::Body(body) = node.carrier {
+                    let arm = node.at - machine.bodies[body].cog;
+                    let push: Vector3<f64> = push.fixed_rows::<3>(6 * end).into_owned();
+                    let mut block = geometric.fixed_view_mut::<3, 3>(6 * body + 3, 6 * body + 3);
+                    block += turned_arm(&push, &arm);
+                }
+            }
+        }
+        Self { axial, geometric }
+    }
+}
+
+/// Stiffness against turning of a body that `push` acts on at `arm`: the point
+/// moves by ½(φ(φ·r) − r·φ²) beyond first order.
+fn turned_arm(push: &Vector3<f64>, arm: &Vector3<f64>) -> Matrix3<f64> {
+    let outer = push * arm.transpose();
+    Matrix3::identity() * push.dot(arm) - 0.5 * (outer + outer.transpose())
+}
+
+/// Geometric stiffness of a beam with axial force `force` against its twelve
+/// end motions: that of a cubic deflection in a plane that resists bending,
+/// that of a string in a plane that does not.
+fn beam_geometric(beam: &Beam, force: f64) -> DMatrix<f64> {
+    let length = beam.length;
+    let mut total = DMatrix::zeros(12, 12);
+    let y = beam.axes.row(1);
+    let z = beam.axes.row(2);
+    // Deflection along `across`, its slope a turn about `about`.
+    for (bending, across, about) in [
+        (beam.stiffness.bending[0], z, -y),
+        (beam.stiffness.bending[1], y, z.into_owned()),
+    ] {
+        // (v, θ) at either end from the twelve motions.
+        let mut ends = DMatrix::zeros(4, 12);
+        for end in 0..2 {
+            ends.view_mut((2 * end, 6 * end), (1, 3)).copy_from(&across);
+            ends.view_mut((2 * end + 1, 6 * end + 3), (1, 3))
+                .copy_from(&about);
+        }
+        let l = length;
+        #[rustfmt::skip]
+        let plane = if bending > 0.0 {
+            DMatrix::from_row_slice(4, 4, &[
+                36.0, 3.0 * l, -36.0, 3.0 * l,
+                3.0 * l, 4.0 * l * l, -3.0 * l, -l * l,
+                -36.0, -3.0 * l, 36.0, -3.0 * l,
+                3.0 * l, -l * l, -3.0 * l, 4.0 * l * l,
+            ]) / (30.0 * l)
+        } else {
+            DMatrix::from_row_slice(4, 4, &[
+                1.0, 0.0, -1.0, 0.0,
+                0.0, 0.0, 0.0, 0.0,
+                -1.0, 0.0, 1.0, 0.0,
+                0.0, 0.0, 0.0, 0.0,
+            ]) / l
+        };
+        total += force * ends.transpose() * plane * ends;
+    }
+    total
+}

@@ -1,0 +1,34 @@
+//! Grids of frequencies that miss no resonance.
+
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+
+/// `count` frequencies from `low` to `high`, Hz, evenly spaced in the logarithm,
+/// and eleven about every peak (Hz, half width in Hz); ascending, each once.
+pub fn grid(low: f64, high: f64, count: usize, peaks: &[(f64, f64)]) -> Vec<f64> {
+    let steps = (count - 1) as f64;
+    let mut all: Vec<f64> = (0..count)
+        .map(|i| low * (high / low).powf(i as f64 / steps))
+        .collect();
+    for (centre, width) in peaks {
+        for offset in [-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0] {
+            let hz = centre + offset * width;
+            if (low..=high).contains(&hz) {
+                all.push(hz);
+            }
+        }
+    }
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+/// Lightly damped poles, rad/s, as peaks: Hz and half width, Hz.
+pub fn pole_peaks<'a>(poles: impl IntoIterator<Item = &'a Complex<f64>>) -> Vec<(f64, f64)> {
+    poles
+        .into_iter()
+        .filter(|s| s.im > 0.0 && s.re.abs() < 0.3 * s.im)
+        .map(|s| (s.im / TAU, s.re.abs().max(1e-4 * s.im) / TAU))
+        .collect()
+}

@@ -1,0 +1,98 @@
+//! First-order lags of amplifiers and sensors, between converters and machine.
+
+use core::f64::consts::TAU;
+
+use nalgebra::{Complex, DMatrix, DVector};
+use shared::LEGS;
+
+use super::generalised::Plant;
+use super::partial_fractions::PlantPole;
+use super::response::Terms;
+use super::state_space::INPUTS;
+use crate::machine::Board;
+
+/// The plant between the converters: with the lags of amplifiers and sensors.
+#[derive(Clone, Debug)]
+pub(super) struct Lagged {
+    pub(super) poles: Vec<PlantPole>,
+    pub(super) terms: Terms,
+    pub(super) direct: DMatrix<f64>,
+    /// As [`Plant::slow`].
+    pub(super) slow: [DMatrix<f64>; 2],
+}
+
+impl Lagged {
+    pub(super) fn new(plant: &Plant, board: &Board) -> Self {
+        let mut lagged = Self {
+            poles: plant.poles.clone(),
+            terms: plant.terms.clone(),
+            direct: plant.state_space.d.clone(),
+            slow: plant.slow.clone(),
+        };
+        let [value, slope] = &mut lagged.slow;
+        // a/(s + a) is 1 − s/a + …
+        if let Some(hz) = board.actuator_bandwidth {
+            let mut slope = slope.columns_mut(LEGS, LEGS);
+            slope -= value.columns(LEGS, LEGS) / (TAU * hz);
+        }
+        let kinds = [Some(board.sensor), board.beside].into_iter().flatten();
+        let bandwidths = kinds.map(|sensor| sensor.bandwidth).enumerate();
+        let lags = bandwidths.filter_map(|(kind, hz)| Some((kind * LEGS, TAU * hz?)));
+        for (first, a) in lags.clone() {
+            let mut slope = slope.rows_mut(first, LEGS);
+            slope -= value.rows(first, LEGS) / a;
+        }
+        let real = |values: DVector<f64>| values.map(Complex::from);
+        let unit = |size, i| real(DVector::from_fn(size, |j, _| f64::from(u8::from(i == j))));
+        // a/(s + a)·1/(s − λ) in partial fractions, and the same for what is
+        // direct: the lag's own pole has the residue a·G(−a).
+        if let Some(hz) = board.actuator_bandwidth {
+            let a = TAU * hz;
+            let residue = lagged.at(-a) * a;
+            for pole in &mut lagged.poles {
+                let factor = a / (pole.lambda + a);
+                for input in pole.input.iter_mut().skip(LEGS) {
+                    *input *= factor;
+                }
+            }
+            lagged.direct.columns_mut(LEGS, LEGS).fill(0.0);
+            lagged.poles.extend((LEGS..INPUTS).map(|j| PlantPole {
+                lambda: Complex::from(-a),
+                pair: false,
+                input: unit(INPUTS, j),
+                output: real(residue.column(j).into_owned()),
+            }));
+        }
+        // Before any of them: a kind's lag is not on the other's way.
+        let residues: Vec<_> = lags.clone().map(|(_, a)| lagged.at(-a) * a).collect();
+        for ((first, a), residue) in lags.zip(residues) {
+            for pole in &mut lagged.poles {
+                let factor = a / (pole.lambda + a);
+                for output in pole.output.iter_mut().skip(first).take(LEGS) {
+                    *output *= factor;
+                }
+            }
+            lagged.direct.rows_mut(first, LEGS).fill(0.0);
+            let outputs = lagged.direct.nrows();
+            lagged.poles.extend((first..first + LEGS).map(|i| PlantPole {
+                lambda: Complex::from(-a),
+                pair: false,
+                input: real(residue.row(i).transpose()),
+                output: unit(outputs, i),
+            }));
+        }
+        lagged.terms = Terms::new(&lagged.poles);
+        lagged
+    }
+
+    /// G(s) for a real s.
+    fn at(&self, s: f64) -> DMatrix<f64> {
+        let mut sum = self.direct.clone();
+        for pole in &self.poles {
+            let twice = if pole.pair { 2.0 } else { 1.0 };
+            let part = &pole.output * pole.input.transpose() * (twice / (s - pole.lambda));
+            sum += part.map(|z| z.re);
+        }
+        sum
+    }
+}

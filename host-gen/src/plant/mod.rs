@@ -1,0 +1,16 @@
+//! What the sensors see of leg forces and floor: the generalised plant as
+//! matrices, as poles, as frequency responses, and as the board samples it.
+
+pub mod export;
+pub mod generalised;
+mod lags;
+pub mod partial_fractions;
+pub mod response;
+pub mod sampled;
+pub mod state_space;
+pub mod zeros;
+
+pub use generalised::Plant;
+pub use response::{Control, Gain, Response};
+pub use sampled::SampledPlant;
+pub use state_space::StateSpace;

@@ -1,0 +1,86 @@
+//! `host-gen compare` in text.
+
+use std::fmt::{self, Display, Formatter};
+
+use super::aligned::write_table;
+use crate::analysis::compare::{MachineColumn, MachineComparison};
+use crate::design::{Band, Design};
+
+/// One of a band's levels, dB.
+type Level = fn(&Band) -> f64;
+
+impl Display for MachineComparison {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let mut rows = Vec::new();
+        let line = |rows: &mut Vec<Vec<String>>, title: &str, cell: &dyn Fn(&MachineColumn) -> String| {
+            let title = [title.to_owned()].into_iter();
+            rows.push(title.chain(self.machines.iter().map(cell)).collect());
+        };
+        line(&mut rows, "", &|c| c.machine.clone());
+        line(&mut rows, "feedback", &|c| c.feedback.to_owned());
+        let list = |rows: &mut Vec<_>, title: &str, of: &dyn Fn(&MachineColumn) -> &[f64]| {
+            let longest = self.machines.iter().map(|c| of(c).len()).max();
+            for i in 0..longest.unwrap_or(0) {
+                let title = if i == 0 { title } else { "" };
+                line(rows, title, &|c| {
+                    of(c).get(i).map_or_else(String::new, |x| format!("{x:.3}"))
+                });
+            }
+        };
+        list(&mut rows, "suspension modes, Hz", &|c| &c.suspension_hz);
+        list(&mut rows, "internal modes, Hz", &|c| &c.internal_hz);
+        list(&mut rows, "design model, Hz", &|c| &c.rigid_modes_hz);
+        list(&mut rows, "zeros, acceleration feedback, Hz", &|c| {
+            &c.acceleration_zeros_hz
+        });
+        list(&mut rows, "zeros, force feedback, Hz", &|c| {
+            &c.force_zeros_hz
+        });
+        line(&mut rows, "largest proportional gain", &|c| {
+            format!("{:.4e}", c.largest_gain)
+        });
+        let of_loop = |c: &MachineColumn, cell: &dyn Fn(&Design) -> String| {
+            c.shaped
+                .as_ref()
+                .map_or_else(|| "not reached".to_owned(), cell)
+        };
+        line(&mut rows, "peak sensitivity", &|c| {
+            of_loop(c, &|r| format!("{:.3}", r.peak_sensitivity.value))
+        });
+        line(&mut rows, "isolates from, Hz", &|c| {
+            of_loop(c, &|r| format!("{:.2}", r.isolation_from_hz))
+        });
+        line(&mut rows, "the same, ideal loop, Hz", &|c| {
+            of_loop(c, &|r| format!("{:.2}", r.isolation_from_ideal_hz))
+        });
+        let bands = self.machines.iter().filter_map(|c| c.shaped.as_ref());
+        let names: Vec<_> = bands
+            .flat_map(|r| r.bands.iter().map(|band| band.name.clone()))
+            .fold(Vec::new(), |mut names, name| {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+                names
+            });
+        for name in names {
+            let values: [(&str, Level); 3] = [
+                ("open", |band| band.open_db),
+                ("ideal", |band| band.ideal_db),
+                ("sampled", |band| band.sampled_db),
+            ];
+            for (what, value) in values {
+                line(
+                    &mut rows,
+                    &format!("σ_max(G11), {name}, {what}, dB"),
+                    &|c| {
+                        of_loop(c, &|r| {
+                            let band = r.bands.iter().find(|band| band.name == name);
+                            band.map_or_else(String::new, |band| format!("{:.1}", value(band)))
+                        })
+                    },
+                );
+            }
+        }
+        write_table(f, 0, 1, rows)
+    }
+}

@@ -1,0 +1,140 @@
+//! `host-gen design` in text.
+
+use std::fmt::{self, Display, Formatter};
+
+use super::aligned::TITLE;
+use super::loops::write_design;
+use crate::analysis::controller::DesignAnalysis;
+use crate::analysis::delay::DelayBudget;
+use crate::analysis::rounding::Rounding;
+
+impl Display for DesignAnalysis {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{TITLE}Design of {}, {} feedback{TITLE:#}",
+            self.machine, self.feedback
+        )?;
+        write_design(f, &self.shaped)?;
+        let micro = |s: f64| 1e6 * s;
+        let DelayBudget {
+            latch,
+            hold,
+            amplifier,
+            sensor,
+            whole,
+        } = &self.delay;
+        writeln!(
+            f,
+            "{TITLE}Delay, µs:{TITLE:#} sample to latch {:.1}, hold {:.1}, amplifier {:.1}, sensor {:.1}; whole {:.1}",
+            micro(*latch),
+            micro(*hold),
+            micro(*amplifier),
+            micro(*sensor),
+            micro(*whole)
+        )?;
+        writeln!(
+            f,
+            "{TITLE}How each mode follows its own motion of the floor{TITLE:#}"
+        )?;
+        write!(
+            f,
+            "                    corner  highest            less by, dB, at"
+        )?;
+        for hz in self.isolation_at_hz {
+            write!(f, " {hz:>5} Hz")?;
+        }
+        writeln!(f)?;
+        for mode in &self.modes {
+            writeln!(f, "  {:.2} Hz", mode.hz)?;
+            let rows = [
+                ("open", Some(&mode.open)),
+                ("ideal", mode.ideal.as_ref()),
+                ("sampled", Some(&mode.sampled)),
+            ];
+            for (name, isolation) in rows {
+                let Some(i) = isolation else {
+                    writeln!(f, "    {name:<10} unstable")?;
+                    continue;
+                };
+                write!(
+                    f,
+                    "    {name:<10} {:>8.2} Hz {:>6.1} dB at {:>5.2} Hz        ",
+                    i.corner_hz, i.peak_db, i.peak_hz
+                )?;
+                for db in i.db {
+                    write!(f, " {db:>8.1}")?;
+                }
+                writeln!(f)?;
+            }
+        }
+        writeln!(
+            f,
+            "{TITLE}Disk margins{TITLE:#}          α     gain    phase"
+        )?;
+        let margins = self.margins.modes.iter().enumerate();
+        let all = margins
+            .map(|(k, margin)| (format!("mode {}", k + 1), margin))
+            .chain([("all at once".to_owned(), &self.margins.together)]);
+        for (name, margin) in all {
+            writeln!(
+                f,
+                "  {name:<16} {:>5.2}   ×{:>5.2}   ±{:>4.1}°",
+                margin.disk, margin.gain, margin.phase_deg
+            )?;
+        }
+        let bode = &self.margins.bode;
+        writeln!(
+            f,
+            "{TITLE}Bode's integral, mean of the modes:{TITLE:#} {:.0} Hz of attenuation, {:.0} Hz of amplification;",
+            bode.attenuation_hz, bode.amplification_hz
+        )?;
+        writeln!(
+            f,
+            "  at the bound from {:.0} Hz to where the delay alone is half a turn it would be {:.0} Hz: {:.0} % of that is used",
+            bode.crossover_hz,
+            bode.limit_hz,
+            100.0 * bode.amplification_hz / bode.limit_hz
+        )?;
+        write!(f, "Single precision over sensor noise, dB:")?;
+        for Rounding {
+            hz, over_noise_db, ..
+        } in &self.rounding
+        {
+            write!(f, " {over_noise_db:.0} at {hz:.0} Hz")?;
+        }
+        write!(f, "\nThe DAC's codes over sensor noise, dB:   ")?;
+        for Rounding {
+            hz,
+            codes_over_noise_db,
+            ..
+        } in &self.rounding
+        {
+            write!(f, " {codes_over_noise_db:.0} at {hz:.0} Hz")?;
+        }
+        writeln!(f)?;
+        if !self.chart.is_empty() {
+            write!(f, "Other boards, roughly   delay")?;
+            for band in &self.shaped.bands {
+                write!(f, " {:>14}", band.name)?;
+            }
+            writeln!(f)?;
+        }
+        for cell in &self.chart {
+            write!(
+                f,
+                "  {:>8.0} Hz     {:>6.1} µs  ",
+                cell.sample_rate,
+                micro(cell.whole_delay)
+            )?;
+            for db in &cell.sampled_db {
+                write!(f, " {db:>11.1} dB")?;
+            }
+            if cell.sampled_db.is_empty() {
+                write!(f, " not reached")?;
+            }
+            writeln!(f)?;
+        }
+        Ok(())
+    }
+}

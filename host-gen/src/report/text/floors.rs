@@ -1,0 +1,48 @@
+//! `host-gen floor` in text.
+
+use std::fmt::{self, Display, Formatter};
+
+use super::aligned::{TITLE, cells, write_table};
+use crate::analysis::floors::{FloorAnalysis, FloorSide};
+
+impl Display for FloorAnalysis {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{TITLE}{} on the floor {}, {} to {} Hz, {} feedback{TITLE:#}",
+            self.machine, self.floor, self.low_hz, self.high_hz, self.feedback
+        )?;
+        let mut head = cells(["rms", "unit", "open", "closed"]);
+        head.extend(self.sources.map(|source| format!("from {source}")));
+        let sides = self.open.rms.iter().zip(&self.closed.rms);
+        let rows = sides.map(|(open, closed)| {
+            let mut row = cells([&closed.name, closed.unit]);
+            row.extend([open.rms, closed.rms].map(|x| format!("{x:.2e}")));
+            row.extend(closed.shares.map(|share| format!("{:.1} %", 100.0 * share)));
+            row
+        });
+        write_table(f, 2, 2, [head].into_iter().chain(rows))?;
+        writeln!(f, "  The shares are of the closed loop's power.")?;
+        writeln!(
+            f,
+            "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   closed mostly from"
+        )?;
+        for (open, closed) in self.open.thirds.iter().zip(&self.closed.thirds) {
+            writeln!(
+                f,
+                "    {:>6.1} {:>10.4} {:>10.4}   {}",
+                closed.hz,
+                1e6 * open.velocity,
+                1e6 * closed.velocity,
+                closed.dominant
+            )?;
+        }
+        let name = |side: &FloorSide| side.criterion.unwrap_or("none of VC-A to VC-G");
+        writeln!(
+            f,
+            "  The frame meets {} without control and {} with it.",
+            name(&self.open),
+            name(&self.closed)
+        )
+    }
+}

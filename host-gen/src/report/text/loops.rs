@@ -1,0 +1,131 @@
+//! Designs and simulations in text.
+
+use std::fmt::{self, Formatter};
+
+use super::aligned::{TITLE, WARNING, cells, write_table};
+use crate::control::Shape;
+use crate::design::{Design, Shaping};
+use crate::simulate::run::Comparison;
+
+pub(super) fn write_design(f: &mut Formatter<'_>, r: &Design) -> fmt::Result {
+    writeln!(f, "{TITLE}Shaping on the sampled, delayed loop{TITLE:#}")?;
+    match &r.shaping {
+        Shaping::Common { corner_hz } => {
+            writeln!(f, "  all channels: low-pass {corner_hz} Hz")?;
+        }
+        Shaping::Modes { shapes } => {
+            let split = shapes.iter().any(|shape| shape.split_hz.is_some());
+            writeln!(
+                f,
+                "  mode        lags, Hz    zero, Hz    zeros, Hz  damping     poles, Hz  damping{}",
+                if split { "   split, Hz" } else { "" }
+            )?;
+            for (i, shape) in shapes.iter().enumerate() {
+                let Shape {
+                    lags_hz: [a, b],
+                    zero_hz,
+                    notch,
+                    notch_poles,
+                    split_hz,
+                } = shape;
+                write!(
+                    f,
+                    "  {:>4} {:>8.3} {:>8.1} {:>11.1} {:>12.1} {:>8.3} {:>13.1} {:>8.3}",
+                    i + 1,
+                    a.min(*b),
+                    a.max(*b),
+                    zero_hz,
+                    notch.hz,
+                    notch.damping,
+                    notch_poles.hz,
+                    notch_poles.damping
+                )?;
+                if let Some(hz) = split_hz {
+                    write!(f, " {hz:>11.1}")?;
+                }
+                writeln!(f)?;
+            }
+        }
+    }
+    writeln!(
+        f,
+        "  AC coupling {:.4} Hz (second order), leak {:.4} Hz",
+        r.ac_coupling_hz, r.leak_hz
+    )?;
+    writeln!(
+        f,
+        "  stable; peak sensitivity {:.3} at {:.4} Hz (at the legs {:.3}, at the sensors {:.3}); slowest pole {:.3} 1/s",
+        r.peak_sensitivity.value,
+        r.peak_sensitivity.at,
+        r.peak_sensitivity.at_legs,
+        r.peak_sensitivity.at_sensors,
+        r.slowest_decay
+    )?;
+    if !r.soft_start {
+        writeln!(
+            f,
+            "  {WARNING}Warning:{WARNING:#} on its way through a soft start the loop is not stable with every gain."
+        )?;
+    }
+    if let Some(drawn) = r.drawn {
+        writeln!(
+            f,
+            "  on machines drawn about it: stable on {} of {}, peak sensitivity up to {:.3}",
+            drawn.stable, drawn.samples, drawn.peak_sensitivity
+        )?;
+    }
+    writeln!(
+        f,
+        "  isolates from {:.2} Hz (ideal loop: from {:.2} Hz)",
+        r.isolation_from_hz, r.isolation_from_ideal_hz
+    )?;
+    let bands = r.bands.iter().map(|band| {
+        let mut row = vec![
+            band.name.clone(),
+            format!("{} to {} Hz", band.low_hz, band.high_hz),
+        ];
+        let cost = band.sampled_db - band.ideal_db;
+        let levels = [band.open_db, band.ideal_db, band.sampled_db, cost];
+        row.extend(levels.map(|db| format!("{db:.1}")));
+        row
+    });
+    if r.bands.is_empty() {
+        return Ok(());
+    }
+    writeln!(f, "  Highest peak of σ_max(G11), dB")?;
+    let head = cells(["", "", "open", "ideal", "sampled", "cost of sampling"]);
+    write_table(f, 4, 2, [head].into_iter().chain(bands))
+}
+
+pub(super) fn write_simulation(f: &mut Formatter<'_>, s: &Comparison) -> fmt::Result {
+    writeln!(
+        f,
+        "{TITLE}Software in the loop: {} s on a floor of {:.1e} m/s² rms, {} to {} Hz, seed {}{TITLE:#}",
+        s.duration_s, s.floor_rms, s.floor_band_hz[0], s.floor_band_hz[1], s.seed
+    )?;
+    let head = cells([
+        "m/s²",
+        "rms open",
+        "rms closed",
+        "peak open",
+        "peak closed",
+        "rms, dB",
+    ]);
+    let rows = s.outputs.iter().enumerate().map(|(i, name)| {
+        let [open, closed] = [&s.open, &s.closed];
+        let mut row = vec![name.clone()];
+        let values = [open.rms[i], closed.rms[i], open.peak[i], closed.peak[i]];
+        row.extend(values.map(|x| format!("{x:.3e}")));
+        row.push(format!(
+            "{:.1}",
+            20.0 * (closed.rms[i] / open.rms[i]).log10()
+        ));
+        row
+    });
+    write_table(f, 2, 1, [head].into_iter().chain(rows))?;
+    writeln!(
+        f,
+        "  largest leg force {:.1} N; clamp active in {}, sensor at a rail in {} of {} steps",
+        s.closed.force_peak, s.closed.clamped_steps, s.closed.railed_steps, s.closed.steps
+    )
+}

@@ -1,0 +1,17 @@
+//! Results as text for people. Whoever prints strips the colours where there is no
+//! terminal.
+
+mod aligned;
+mod compare;
+mod controller;
+mod faults;
+mod floors;
+mod gains;
+mod loops;
+mod modes;
+mod plant_matrices;
+mod poles;
+mod robustness;
+mod sigma;
+mod summary;
+mod zeros;

@@ -1,0 +1,42 @@
+//! `host-gen zeros` in text.
+
+use std::fmt::{self, Display, Formatter};
+
+use super::aligned::{TITLE, WARNING};
+use crate::analysis::zeros::ZeroAnalysis;
+
+impl Display for ZeroAnalysis {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{TITLE}Transmission zeros of {}, leg forces to sensors (G22){TITLE:#}",
+            self.machine
+        )?;
+        writeln!(
+            f,
+            "  High gain moves the closed loop's poles onto them: there the loop has no hold."
+        )?;
+        for kind in &self.kinds {
+            writeln!(f, "  {} feedback", kind.feedback)?;
+            writeln!(
+                f,
+                "            Hz     damping   nearest pole of the ideal loop, Hz"
+            )?;
+            for zero in &kind.zeros {
+                let nearest = zero.nearest_closed_loop_hz.unwrap_or(f64::NAN);
+                writeln!(
+                    f,
+                    "    {:>10.3}  {:>10.4}   {nearest:>10.3}",
+                    zero.at.hz, zero.at.damping
+                )?;
+            }
+            if kind.unstable {
+                writeln!(
+                    f,
+                    "    {WARNING}Warning:{WARNING:#} a zero grows. What is left with the sensors held is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can hold it."
+                )?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,45 @@
+//! Fast products of small matrices.
+
+use nalgebra::DMatrix;
+
+/// A matrix in blocks of twelve rows, the last one filled up with zeros: what a
+/// compiler turns into products of registers.
+pub(super) struct Blocks(Vec<Vec<[f64; BLOCK]>>);
+
+pub(super) const BLOCK: usize = 12;
+
+impl Blocks {
+    pub(super) fn new(matrix: &DMatrix<f64>) -> Self {
+        let block = |first| {
+            let entry = |i, j| matrix.get((first + i, j)).map_or(0.0, |x: &f64| *x);
+            (0..matrix.ncols())
+                .map(|j| core::array::from_fn(|i| entry(i, j)))
+                .collect()
+        };
+        Self((0..matrix.nrows()).step_by(BLOCK).map(block).collect())
+    }
+
+    /// `sum` += matrix·`vector`; `sum` in blocks as the matrix.
+    pub(super) fn add_product(&self, vector: &[f64], sum: &mut [[f64; BLOCK]]) {
+        for (columns, sum) in self.0.iter().zip(sum) {
+            // Two sums, so that one need not wait for the other.
+            let mut odd = [0.0; BLOCK];
+            let mut columns = columns.chunks_exact(2);
+            let mut pairs = vector.chunks_exact(2);
+            for (columns, x) in columns.by_ref().zip(pairs.by_ref()) {
+                for i in 0..BLOCK {
+                    sum[i] += columns[0][i] * x[0];
+                    odd[i] += columns[1][i] * x[1];
+                }
+            }
+            for (column, x) in columns.remainder().iter().zip(pairs.remainder()) {
+                for i in 0..BLOCK {
+                    sum[i] += column[i] * x;
+                }
+            }
+            for i in 0..BLOCK {
+                sum[i] += odd[i];
+            }
+        }
+    }
+}

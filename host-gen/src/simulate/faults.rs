@@ -1,0 +1,430 @@
+//! Faults, one by one, in the simulated loop: what the self-test and the supervisor
+//! make of each.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng};
+use rand_distr::{Distribution as _, StandardNormal};
+use rayon::prelude::*;
+use serde::Serialize;
+use shared::LEGS;
+use shared::codes::{AdcCode, DacCode, Samples};
+use shared::controller::Reading;
+use shared::supervisor::{Cause, Event, Mode};
+use shared::table::ValidTable;
+
+use super::software_board::SoftwareBoard;
+use crate::design::Study;
+use crate::progress::Progress;
+
+/// One thing that is wrong. Sensors and legs by index.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Defect {
+    /// Gives no signal, only the ADC's noise.
+    SensorDead(usize),
+    /// Gives the code it gave when it broke.
+    SensorStuck(usize),
+    /// Noise of 3,000 codes rms on top.
+    SensorNoisy(usize),
+    /// Gives the opposite.
+    SensorInverted(usize),
+    /// Two exchanged.
+    SensorsSwapped(usize, usize),
+    /// At the end of the range.
+    SensorRailed(usize),
+    /// Pushes with nothing.
+    LegDead(usize),
+    /// Pushes with a tenth of its limit at most.
+    LegSaturated(usize),
+    /// Bouc–Wen hysteresis of 15 %.
+    LegHysteretic(usize),
+    /// A bit of an ADC word turned in one sample of a thousand.
+    AdcBits,
+    /// The same of a DAC word.
+    DacBits,
+    /// One sample in a hundred not read.
+    SamplesLostSingly,
+    /// None is read any more.
+    SamplesLost,
+    /// Every deadline missed.
+    Late,
+    /// Half a second of a floor a thousand times as strong.
+    FloorShock,
+    /// A bit of the table turned.
+    Table,
+}
+
+impl Defect {
+    /// All of one machine.
+    pub fn all() -> Vec<Self> {
+        let mut all = Vec::new();
+        let of_each: [fn(usize) -> Self; 8] = [
+            Self::SensorDead,
+            Self::SensorStuck,
+            Self::SensorNoisy,
+            Self::SensorInverted,
+            Self::SensorRailed,
+            Self::LegDead,
+            Self::LegSaturated,
+            Self::LegHysteretic,
+        ];
+        for of in of_each {
+            all.extend((0..LEGS).map(of));
+        }
+        for i in 0..LEGS {
+            all.extend((i + 1..LEGS).map(|j| Self::SensorsSwapped(i, j)));
+        }
+        all.extend([
+            Self::AdcBits,
+            Self::DacBits,
+            Self::SamplesLostSingly,
+            Self::SamplesLost,
+            Self::Late,
+            Self::FloorShock,
+            Self::Table,
+        ]);
+        all
+    }
+
+    /// In words; sensors and legs from 1.
+    pub fn name(self) -> String {
+        match self {
+            Self::SensorDead(i) => format!("sensor {} dead", i + 1),
+            Self::SensorStuck(i) => format!("sensor {} stuck", i + 1),
+            Self::SensorNoisy(i) => format!("sensor {} noisy", i + 1),
+            Self::SensorInverted(i) => format!("sensor {} inverted", i + 1),
+            Self::SensorsSwapped(i, j) => format!("sensors {} and {} swapped", i + 1, j + 1),
+            Self::SensorRailed(i) => format!("sensor {} at the rail", i + 1),
+            Self::LegDead(i) => format!("leg {} dead", i + 1),
+            Self::LegSaturated(i) => format!("leg {} saturated", i + 1),
+            Self::LegHysteretic(i) => format!("leg {} hysteretic", i + 1),
+            Self::AdcBits => "bit errors, ADC".to_owned(),
+            Self::DacBits => "bit errors, DAC".to_owned(),
+            Self::SamplesLostSingly => "samples lost singly".to_owned(),
+            Self::SamplesLost => "samples lost".to_owned(),
+            Self::Late => "deadlines missed".to_owned(),
+            Self::FloorShock => "floor shock".to_owned(),
+            Self::Table => "table corrupted".to_owned(),
+        }
+    }
+}
+
+/// What became of one or more defects.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// What was wrong.
+    pub defects: Vec<Defect>,
+    /// What the self-test says of it, before the loop is closed; none if it
+    /// passes.
+    pub self_test: Option<Cause>,
+    /// What the supervisor says once it breaks with the loop closed, and how much
+    /// later, s; none if the loop goes on.
+    pub closed: Option<(Cause, f64)>,
+    /// Whether all outputs stayed within the legs' limits.
+    pub inside: bool,
+    /// From the fault to the safe codes, s.
+    pub safe_after: Option<f64>,
+    /// Whether that is within the table's bound, and nothing moved afterwards;
+    /// true without a fault.
+    pub safe: bool,
+    /// Performance after it broke over that before, rms, dB; where the loop goes on.
+    pub worse_db: Option<f64>,
+}
+
+/// Seconds with the loop closed before it breaks, after that, and with the fault
+/// latched.
+const BEFORE: f64 = 4.0;
+const AFTER: f64 = 20.0;
+const LATCHED: f64 = 0.5;
+
+/// Runs all `cases`, over all cores; `progress` is told of each.
+pub fn campaign(
+    study: &Study,
+    table: &ValidTable,
+    cases: &[Vec<Defect>],
+    progress: &dyn Progress,
+) -> Vec<Outcome> {
+    cases
+        .par_iter()
+        .map(|defects| {
+            let outcome = BrokenLoop::new(study, table, defects).outcome(study, table);
+            progress.advance();
+            outcome
+        })
+        .collect()
+}
+
+/// Converters with defects.
+struct Broken {
+    defects: Vec<Defect>,
+    random: ChaCha8Rng,
+    /// What stuck sensors give.
+    held: Option<Samples>,
+    /// By leg: the hysteretic force's last input and state, of the limit.
+    hysteresis: [[f64; 2]; LEGS],
+    adc_noise: f64,
+    zero: [f64; LEGS],
+    stroke: [f64; LEGS],
+}
+
+impl Broken {
+    fn new(study: &Study, table: &ValidTable, defects: &[Defect]) -> Self {
+        let board = study.machine().board;
+        let drives = &table.get().actuators;
+        Self {
+            defects: defects.to_vec(),
+            random: ChaCha8Rng::seed_from_u64(study.machine().simulation.seed),
+            held: None,
+            hysteresis: [[0.0; 2]; LEGS],
+            adc_noise: board.adc_noise / board.adc.lsb(),
+            zero: drives.map(|drive| drive.zero.into()),
+            stroke: drives.map(|drive| f64::from(drive.gain.abs() * drive.limit)),
+        }
+    }
+
+    fn noise(&mut self, rms: f64) -> f64 {
+        let normal: f64 = StandardNormal.sample(&mut self.random);
+        rms * normal
+    }
+
+    fn one_in(&mut self, count: u32) -> bool {
+        self.random.next_u32().is_multiple_of(count)
+    }
+
+    /// Of any channel.
+    fn bit(&mut self) -> (usize, u32) {
+        let word = self.random.next_u32();
+        (word as usize % LEGS, word >> 16 & 15)
+    }
+
+    fn read(&mut self, true_samples: Samples) -> Reading {
+        let held = *self.held.get_or_insert(true_samples);
+        let mut samples = true_samples;
+        let mut lost = false;
+        let mut late = false;
+        for defect in self.defects.clone() {
+            let codes = &mut samples.sensors;
+            match defect {
+                Defect::SensorDead(i) => codes[i] = AdcCode(self.noise(self.adc_noise) as i16),
+                Defect::SensorStuck(i) => codes[i] = held.sensors[i],
+                Defect::SensorNoisy(i) => {
+                    // A cast holds what does not fit at the ends.
+                    codes[i].0 = (f64::from(codes[i].0) + self.noise(3000.0)) as i16;
+                }
+                Defect::SensorInverted(i) => codes[i].0 = codes[i].0.saturating_neg(),
+                Defect::SensorsSwapped(i, j) => codes.swap(i, j),
+                Defect::SensorRailed(i) => codes[i] = AdcCode(i16::MAX),
+                Defect::AdcBits if self.one_in(1000) => {
+                    let (i, bit) = self.bit();
+                    codes[i].0 ^= 1 << bit;
+                }
+                Defect::SamplesLostSingly => lost |= self.one_in(100),
+                Defect::SamplesLost => lost = true,
+                Defect::Late => late = true,
+                _ => {}
+            }
+        }
+        Reading {
+            samples: (!lost).then_some(samples),
+            late,
+        }
+    }
+
+    fn give(&mut self, dac: [DacCode; LEGS]) -> [DacCode; LEGS] {
+        let mut codes = dac;
+        for defect in self.defects.clone() {
+            match defect {
+                Defect::LegDead(i) => codes[i] = self.code(i, 0.0),
+                Defect::LegSaturated(i) => {
+                    let part = self.part(i, codes[i]).clamp(-0.1, 0.1);
+                    codes[i] = self.code(i, part);
+                }
+                Defect::LegHysteretic(i) => {
+                    let part = self.part(i, codes[i]);
+                    let [before, z] = &mut self.hysteresis[i];
+                    // Bouc–Wen with A = 1, β = γ = ½, n = 1, its width a tenth of
+                    // the limit: ż = (ẋ − ½·|ẋ|·z/w − ½·ẋ·|z|/w).
+                    let dx = part - *before;
+                    let width = 0.1;
+                    *z += dx - 0.5 * (dx.abs() * *z + dx * z.abs()) / width;
+                    *before = part;
+                    let out = 0.85 * part + 0.15 * *z;
+                    codes[i] = self.code(i, out);
+                }
+                Defect::DacBits if self.one_in(1000) => {
+                    let (i, bit) = self.bit();
+                    codes[i].0 ^= 1 << bit;
+                }
+                _ => {}
+            }
+        }
+        codes
+    }
+
+    /// A leg's force, of its limit.
+    fn part(&self, leg: usize, code: DacCode) -> f64 {
+        (f64::from(code.0) - self.zero[leg]) / self.stroke[leg]
+    }
+
+    fn code(&self, leg: usize, part: f64) -> DacCode {
+        DacCode((self.zero[leg] + part * self.stroke[leg]).round() as u16)
+    }
+}
+
+/// A loop with converters that break.
+struct BrokenLoop {
+    sil: SoftwareBoard<'static>,
+    broken: Broken,
+    inside: bool,
+    rate: f64,
+    safe: [DacCode; LEGS],
+    performance: f64,
+}
+
+impl BrokenLoop {
+    fn new(study: &Study, table: &ValidTable, defects: &[Defect]) -> Self {
+        Self {
+            sil: SoftwareBoard::new(study, table, &mut []),
+            broken: Broken::new(study, table, defects),
+            inside: true,
+            rate: study.machine().board.sample_rate,
+            safe: table.safe_codes(),
+            performance: 0.0,
+        }
+    }
+
+    /// One sample, broken or not; gives the codes the controller asked for.
+    fn sample(&mut self, broken: bool) -> [DacCode; LEGS] {
+        let Self { sil, broken: b, .. } = self;
+        let samples = sil.rig.sample();
+        let reading = if broken {
+            b.read(samples)
+        } else {
+            samples.into()
+        };
+        let dac = sil.controller.on_sample(reading);
+        let given = if broken { b.give(dac) } else { dac };
+        self.performance += self.sil.rig.advance(given).norm_squared();
+        // Half a code for the code nearest to the limit.
+        let within = |(i, code): (usize, &DacCode)| {
+            let over = self.broken.part(i, *code).abs() - 1.0;
+            over * self.broken.stroke[i] <= 0.5
+        };
+        self.inside &= dac.iter().enumerate().all(within);
+        dac
+    }
+
+    fn steps(&self, seconds: f64) -> usize {
+        (seconds * self.rate) as usize
+    }
+
+    fn mode(&self) -> Mode {
+        self.sil.controller.report().mode
+    }
+
+    /// Until the mode is another one; at most half a minute.
+    fn while_in(&mut self, mode: Mode, broken: bool) {
+        for _ in 0..self.steps(30.0) {
+            if self.mode() != mode {
+                break;
+            }
+            self.sample(broken);
+        }
+    }
+
+    fn outcome(mut self, study: &Study, table: &ValidTable) -> Outcome {
+        let defects = self.broken.defects.clone();
+        // The self-test of a machine that is broken from the start.
+        let mut first = Self::new(study, table, &defects);
+        let self_test = first.tested();
+        self.ask(Event::SelfTest);
+        self.while_in(Mode::Testing, false);
+        self.ask(Event::Start);
+        self.while_in(Mode::Starting, false);
+        self.performance = 0.0;
+        for _ in 0..self.steps(BEFORE) {
+            self.sample(false);
+        }
+        let before = core::mem::take(&mut self.performance) / self.steps(BEFORE) as f64;
+
+        if defects.contains(&Defect::Table) {
+            // What a board's link task does once a second.
+            self.turn_a_bit(table);
+        }
+        let shock = defects.contains(&Defect::FloorShock);
+        let mut at = None;
+        let mut after = 0;
+        for k in 0..self.steps(AFTER) {
+            self.sil.rig.floor_gain = if shock && k < self.steps(0.5) {
+                1000.0
+            } else {
+                1.0
+            };
+            self.sample(true);
+            after += 1;
+            if self.sil.controller.report().fault.is_some() {
+                at = Some(k);
+                break;
+            }
+        }
+        let worse = 10.0 * (self.performance / f64::from(after) / before).log10();
+        let fault = self.sil.controller.report().fault;
+        let closed = fault
+            .zip(at)
+            .map(|(fault, k)| (fault.cause, k as f64 / self.rate));
+        let mut safe_after = None;
+        let mut quiet = true;
+        if closed.is_some() {
+            for k in 0..self.steps(LATCHED) {
+                let dac = self.sample(true);
+                match safe_after {
+                    None if dac == self.safe => safe_after = Some((k + 1) as f64 / self.rate),
+                    None => {}
+                    Some(_) => quiet &= dac == self.safe,
+                }
+            }
+        }
+        let bound = f64::from(table.get().supervision.safe_ramp) / self.rate;
+        let safe = match (closed, safe_after) {
+            (None, _) => true,
+            // To rounding of the division.
+            (Some(_), Some(time)) => quiet && time <= bound + 1e-9,
+            (Some(_), None) => false,
+        };
+        Outcome {
+            defects,
+            self_test,
+            closed,
+            inside: self.inside && first.inside,
+            safe_after,
+            safe,
+            worse_db: closed.is_none().then_some(worse),
+        }
+    }
+
+    /// What the self-test says.
+    fn tested(&mut self) -> Option<Cause> {
+        self.ask(Event::SelfTest);
+        self.while_in(Mode::Testing, true);
+        self.sil.controller.report().fault.map(|fault| fault.cause)
+    }
+
+    fn ask(&mut self, event: Event) {
+        // A loop that a defect has already opened refuses, and that is told.
+        let _ = self.sil.controller.ask(event);
+    }
+
+    /// Compares the checksum of a table with one bit turned, as a board's memory
+    /// would have it.
+    fn turn_a_bit(&mut self, table: &ValidTable) {
+        let mut changed = *table.get();
+        changed.law.leak = f32::from_bits(changed.law.leak.to_bits() ^ 1);
+        let checksum = self.sil.controller.identity().checksum;
+        if changed
+            .validate()
+            .is_ok_and(|changed| changed.checksum() != checksum)
+        {
+            self.sil.controller.table_changed();
+        }
+    }
+}

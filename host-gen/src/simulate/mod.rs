@@ -1,0 +1,13 @@
+//! What happens in time: the machine with its converters, runs of the loop, whole
+//! sessions, a board in software, and faults in it.
+
+mod band_noise;
+mod blocks;
+pub mod faults;
+pub mod rig;
+pub mod run;
+pub mod session;
+pub mod software_board;
+
+pub use rig::Rig;
+pub use software_board::SoftwareBoard;

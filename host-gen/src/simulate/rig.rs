@@ -1,0 +1,181 @@
+//! The machine in time with its converters: takes DAC codes, gives ADC codes.
+
+use core::ops::Range;
+use std::collections::VecDeque;
+
+use nalgebra::{Complex, DMatrix, DVectorView};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use shared::LEGS;
+use shared::codes::{AdcCode, DacCode, Samples};
+
+use super::band_noise::BandNoise;
+use super::blocks::{BLOCK, Blocks};
+use crate::machine::{Board, Sensor, Simulation};
+use crate::plant::SampledPlant;
+use crate::plant::sampled::{ByInput, SampledStateSpace};
+
+/// The machine with its converters: takes DAC codes, gives ADC codes.
+pub struct Rig {
+    plant: SampledPlant,
+    board: Board,
+    /// The plant's poles, as [`SampledStateSpace::blocks`].
+    poles: Vec<(usize, Complex<f64>, bool)>,
+    /// The sensors from the state, then from floor and forces.
+    sensors: [Blocks; 2],
+    /// The mean performance from the state, and from what happens in a period.
+    performance: [Blocks; 2],
+    /// The state's change from what happens in a period.
+    change: Blocks,
+    /// Whether forces take over within a period, and not as it begins.
+    within: bool,
+    state: Vec<[f64; BLOCK]>,
+    performance_now: Vec<[f64; BLOCK]>,
+    count: usize,
+    /// Forces latched or on their way, the latest first.
+    forces: VecDeque<[f64; LEGS]>,
+    floor_noise: BandNoise,
+    /// Each kind of sensors with the rms of sensor and ADC together, V.
+    kinds: Vec<(Sensor, f64)>,
+    sensor_noise: ChaCha8Rng,
+    output_noise: ChaCha8Rng,
+    /// Now and at the next sample.
+    floor: [[f64; LEGS]; 2],
+    /// Scales the floor from here on; 1 at first.
+    pub floor_gain: f64,
+    /// Added to the offset of every sensor of either kind from here on, V; 0 at
+    /// first.
+    pub drift: [f64; LEGS],
+}
+
+impl Rig {
+    /// At rest, with the floor noise and seed of `settings`.
+    pub fn new(plant: SampledPlant, board: &Board, settings: &Simulation) -> Self {
+        let SampledStateSpace {
+            blocks: poles,
+            change,
+            output,
+            mean,
+            mean_by,
+        } = plant.state_space();
+        let rows = |matrix: &DMatrix<f64>, rows: Range<usize>| matrix.rows_range(rows).into_owned();
+        // The forces they take over from come last: often they do not count.
+        let within = change.before.amax() > 0.0;
+        let in_period = |by: &ByInput| {
+            let parts = [&by.now, &by.next, &by.after, &by.before];
+            let parts = &parts[..if within { 4 } else { 3 }];
+            let columns: Vec<_> = parts.iter().flat_map(|part| part.column_iter()).collect();
+            DMatrix::from_columns(&columns)
+        };
+        let shown = plant.plant.performance();
+        let sensed = plant.plant.sensors();
+        let stream = |number| {
+            let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
+            random.set_stream(number);
+            random
+        };
+        // White noise of that density up to half the sample rate.
+        let kind = |sensor: Sensor| {
+            let rms = sensor.noise_density * (0.5 * board.sample_rate).sqrt();
+            (sensor, (rms * sensor.sensitivity).hypot(board.adc_noise))
+        };
+        let kinds = [Some(board.sensor), board.beside];
+        let blank = |rows: usize| vec![[0.0; BLOCK]; rows.div_ceil(BLOCK)];
+        Self {
+            state: blank(output.ncols()),
+            performance_now: blank(shown.len()),
+            count: shown.len(),
+            poles,
+            sensors: [
+                Blocks::new(&rows(&output, sensed.clone())),
+                Blocks::new(&rows(plant.direct(), sensed)),
+            ],
+            performance: [
+                Blocks::new(&rows(&mean, shown.clone())),
+                Blocks::new(&rows(&in_period(&mean_by), shown)),
+            ],
+            change: Blocks::new(&in_period(&change)),
+            within,
+            forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
+            floor_noise: BandNoise::new(settings, plant.period, stream(0)),
+            kinds: kinds.into_iter().flatten().map(kind).collect(),
+            sensor_noise: stream(1),
+            output_noise: stream(2),
+            floor: [[0.0; LEGS]; 2],
+            floor_gain: 1.0,
+            drift: [0.0; LEGS],
+            board: *board,
+            plant,
+        }
+    }
+
+    /// The plant inside.
+    pub fn plant(&self) -> &SampledPlant {
+        &self.plant
+    }
+
+    /// The next sampling instant: the codes the ADC gives.
+    pub fn sample(&mut self) -> Samples {
+        let next = self.floor_noise.sample().map(|x| x * self.floor_gain);
+        self.floor = [self.floor[1], next];
+        let seen = self.forces[self.plant.whole_periods];
+        let [from_state, direct] = &self.sensors;
+        let mut y = [[0.0; BLOCK]];
+        from_state.add_product(self.state.as_flattened(), &mut y);
+        direct.add_product([self.floor[0], seen].as_flattened(), &mut y);
+        let mut samples = Samples::from([AdcCode(0); LEGS]);
+        let codes = [&mut samples.sensors, &mut samples.forces];
+        let values = y[0].chunks_exact(LEGS);
+        for ((codes, values), (sensor, noise)) in codes.into_iter().zip(values).zip(&self.kinds) {
+            for ((code, value), drift) in codes.iter_mut().zip(values).zip(self.drift) {
+                let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
+                let offset = sensor.offset + drift;
+                *code = self
+                    .board
+                    .adc
+                    .code(value * sensor.sensitivity + offset + noise * normal);
+            }
+        }
+        samples
+    }
+
+    /// Latches `dac` in its turn and lets the period pass; gives the means of
+    /// the performance accelerations over it, m/s².
+    pub fn advance(&mut self, dac: [DacCode; LEGS]) -> DVectorView<'_, f64> {
+        let board = &self.board;
+        let force = dac.map(|code| {
+            let normal: f64 = StandardNormal.sample(&mut self.output_noise);
+            board.dac.force(code, board.actuator_gain)
+                + board.dac_noise * normal * board.actuator_gain
+        });
+        self.forces.pop_back();
+        self.forces.push_front(force);
+        let late = self.plant.whole_periods;
+        let [now, next] = self.floor;
+        let inputs = [now, next, self.forces[late], self.forces[late + 1]];
+        let inputs = inputs[..if self.within { 4 } else { 3 }].as_flattened();
+
+        let [from_state, from_inputs] = &self.performance;
+        let mean = &mut self.performance_now;
+        mean.fill([0.0; BLOCK]);
+        from_state.add_product(self.state.as_flattened(), mean);
+        from_inputs.add_product(inputs, mean);
+
+        let x = self.state.as_flattened_mut();
+        for &(at, z, pair) in &self.poles {
+            if pair {
+                let (re, im) = (x[at], x[at + 1]);
+                x[at] = z.re * re - z.im * im;
+                x[at + 1] = z.im * re + z.re * im;
+            } else {
+                x[at] *= z.re;
+            }
+        }
+        self.change.add_product(inputs, &mut self.state);
+        DVectorView::from_slice(
+            &self.performance_now.as_flattened()[..self.count],
+            self.count,
+        )
+    }
+}

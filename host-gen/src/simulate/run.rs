@@ -1,0 +1,123 @@
+//! The open and the closed loop in time, on the step that the firmware runs.
+
+use serde::Serialize;
+use shared::step::{Demand, State, step};
+use shared::table::ValidTable;
+
+use super::rig::Rig;
+use crate::machine::{Board, Simulation};
+use crate::plant::SampledPlant;
+
+/// What one run showed.
+#[derive(Clone, Debug, Serialize)]
+pub struct Run {
+    /// rms of each performance output, m/s².
+    pub rms: Vec<f64>,
+    /// Largest magnitude of each, m/s².
+    pub peak: Vec<f64>,
+    /// Largest force asked of any leg, N.
+    pub force_peak: f64,
+    /// Steps in which the clamp was active.
+    pub clamped_steps: usize,
+    /// Steps in which a sensor was at the end of the ADC's range.
+    pub railed_steps: usize,
+    /// Measured steps.
+    pub steps: usize,
+}
+
+/// Runs the machine over settling and duration of `settings`, under `table` or,
+/// without one, with the outputs at rest.
+pub fn run(
+    plant: &SampledPlant,
+    board: &Board,
+    settings: &Simulation,
+    table: &ValidTable,
+    closed: bool,
+) -> Run {
+    let mut rig = Rig::new(plant.clone(), board, settings);
+    let count = plant.plant.performance().len();
+    let mut run = Run {
+        rms: vec![0.0; count],
+        peak: vec![0.0; count],
+        force_peak: 0.0,
+        clamped_steps: 0,
+        railed_steps: 0,
+        steps: steps(settings.duration, board),
+    };
+    let settling = steps(settings.settling, board);
+    let safe = table.safe_codes();
+    let mut state = None;
+    for k in 0..settling + run.steps {
+        let adc = rig.sample();
+        let mut dac = safe;
+        if closed {
+            let state = state.get_or_insert_with(|| State::settled_on(table, adc));
+            let output = step(table, state, adc, Demand::LAW);
+            dac = output.dac;
+            if k >= settling {
+                run.clamped_steps += usize::from(output.status.clamped);
+                run.railed_steps += usize::from(output.status.at_rail());
+            }
+        }
+        let performance = rig.advance(dac);
+        if k >= settling {
+            for (i, x) in performance.iter().enumerate() {
+                run.rms[i] += x * x;
+                run.peak[i] = run.peak[i].max(x.abs());
+            }
+            for code in dac {
+                let force = board.dac.force(code, board.actuator_gain);
+                run.force_peak = run.force_peak.max(force.abs());
+            }
+        }
+    }
+    for rms in &mut run.rms {
+        *rms = (*rms / run.steps as f64).sqrt();
+    }
+    run
+}
+
+fn steps(seconds: f64, board: &Board) -> usize {
+    // At least one, so that an rms is defined.
+    ((seconds * board.sample_rate).round() as usize).max(1)
+}
+
+/// The same floor with and without control.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Names of the performance outputs.
+    pub outputs: Vec<String>,
+    /// Measured time, s.
+    pub duration_s: f64,
+    /// rms of each floor input, m/s².
+    pub floor_rms: f64,
+    /// Its band, Hz.
+    pub floor_band_hz: [f64; 2],
+    /// Of the random numbers.
+    pub seed: u64,
+    /// Without control.
+    pub open: Run,
+    /// Under the table.
+    pub closed: Run,
+}
+
+/// Runs open and closed loop under the same floor.
+pub fn compare(
+    plant: &SampledPlant,
+    board: &Board,
+    settings: &Simulation,
+    table: &ValidTable,
+    outputs: Vec<String>,
+) -> Comparison {
+    let one = |closed| run(plant, board, settings, table, closed);
+    let (open, closed) = rayon::join(|| one(false), || one(true));
+    Comparison {
+        outputs,
+        duration_s: settings.duration,
+        floor_rms: settings.floor_rms,
+        floor_band_hz: settings.floor_band,
+        seed: settings.seed,
+        open,
+        closed,
+    }
+}
