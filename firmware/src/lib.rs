@@ -1,5 +1,5 @@
-//! The parts of the firmware that do not depend on a board, testable on the
-//! host. The boards are the binaries.
+//! The parts of the firmware that do not depend on a board, which are tested on the host.
+//! Each binary is a board.
 #![no_std]
 #![forbid(unsafe_code)]
 

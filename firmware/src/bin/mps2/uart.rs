@@ -11,62 +11,61 @@ const BAUD_DIVISOR: usize = 0x10;
 
 const TRANSMIT_FULL: u32 = 1 << 0;
 const RECEIVE_FULL: u32 = 1 << 1;
-/// In [`INTERRUPT`]; written to clear it.
+/// In [`INTERRUPT`]; written to clear the interrupt.
 const RECEIVED: u32 = 1 << 1;
-/// Transmitter, receiver, and the receiver's interrupt.
+/// Enables the transmitter, the receiver and the receiver's interrupt.
 const ENABLE: u32 = 0b1011;
-/// The smallest the hardware accepts.
+/// Smallest baud divisor that the hardware accepts.
 const FASTEST: u32 = 16;
 
-/// A receiver's interrupt.
+/// Number of a receiver's interrupt.
 #[derive(Clone, Copy)]
 pub struct ReceiveInterrupt(pub i16);
 
-// SAFETY: only the two below are made, 0 and 2: the receivers of UARTs 0 and 1 on
-// both boards (Arm application notes 386 and 500, interrupt assignments), within
-// the NVIC's range.
+// SAFETY: the only values are 0 and 2 below, the receivers of UARTs 0 and 1 on both boards
+// (Arm application notes 386 and 500, interrupt assignments), within the NVIC's range.
 unsafe impl InterruptNumber for ReceiveInterrupt {
     fn number(self) -> u16 {
         self.0.cast_unsigned()
     }
 }
 
-/// Where a UART is.
+/// A UART at its address.
 #[derive(Clone, Copy)]
 pub struct Uart {
     base: usize,
-    /// Of its receiver.
+    /// Interrupt of the receiver.
     pub interrupt: ReceiveInterrupt,
 }
 
-/// In place of converters.
+/// The UART in place of the converters.
 pub const CONVERTERS: Uart = Uart {
     base: 0x4000_4000,
     interrupt: ReceiveInterrupt(0),
 };
 
-/// The link.
+/// The UART of the link.
 pub const LINK: Uart = Uart {
     base: 0x4000_5000,
     interrupt: ReceiveInterrupt(2),
 };
 
-/// A UART's sending half.
+/// The transmitter of a UART.
 pub struct Send(Uart);
 
-/// Its receiving half.
+/// The receiver of a UART.
 pub struct Receive(Uart);
 
-/// Both.
+/// An open UART.
 pub struct Line {
-    /// Out.
+    /// The transmitter.
     pub send: Send,
-    /// In.
+    /// The receiver.
     pub receive: Receive,
 }
 
 impl Uart {
-    /// Switches it on. Call once.
+    /// Switches the UART on. To be called once.
     pub fn open(self) -> Line {
         self.set(BAUD_DIVISOR, FASTEST);
         self.set(CONTROL, ENABLE);
@@ -77,15 +76,15 @@ impl Uart {
     }
 
     fn get(self, register: usize) -> u32 {
-        // SAFETY: an aligned register of a peripheral that both emulated boards
-        // have at this address. Reading takes a byte out at the most, which only
-        // the receiving half does.
+        // SAFETY: an aligned register of a peripheral that both emulated boards have at this
+        // address. Reading has one side effect, it removes a received byte, and only the
+        // receiver reads the data register.
         unsafe { core::ptr::with_exposed_provenance::<u32>(self.base + register).read_volatile() }
     }
 
     fn set(self, register: usize, value: u32) {
-        // SAFETY: as in `get`; the data register is written by the sending half
-        // alone, the interrupt by the receiving half.
+        // SAFETY: as in `get`. Only the transmitter writes the data register, and only the
+        // receiver the interrupt register.
         unsafe {
             core::ptr::with_exposed_provenance_mut::<u32>(self.base + register)
                 .write_volatile(value);
@@ -94,7 +93,7 @@ impl Uart {
 }
 
 impl Line {
-    /// Apart.
+    /// Splits it into transmitter and receiver.
     pub fn split(self) -> (Send, Receive) {
         (self.send, self.receive)
     }
@@ -111,7 +110,7 @@ impl Send {
 }
 
 impl Receive {
-    /// The byte that has come, if any. Its interrupt is cleared.
+    /// The received byte, if there is one. Clears the interrupt.
     pub fn read(&mut self) -> Option<u8> {
         self.0.set(INTERRUPT, RECEIVED);
         // The register holds one byte.
