@@ -8,8 +8,8 @@ use shared::link::{Answer, Cutter, FRAME, Job, Server, encode};
 use shared::recorder::Record;
 use shared::table::{Limits, ValidTable};
 
-use crate::loop_task::Board;
-use crate::store::{Failed, Store};
+use crate::loop_task::BoardController;
+use crate::store::{Store, StoreError};
 use crate::tables::Entry;
 
 /// The board's end of the link, and its memory for a table.
@@ -28,7 +28,7 @@ impl<F: NorFlash> LinkTask<F> {
     /// Starts `board` with the stored table, or with the one compiled in, `entry`, if there is
     /// no stored table that this board can run. `room` is the memory of the recorder.
     pub fn begin(
-        board: &Board,
+        board: &BoardController,
         entry: &'static Entry,
         limits: Limits,
         mut store: Option<Store<F>>,
@@ -53,7 +53,7 @@ impl<F: NorFlash> LinkTask<F> {
     }
 
     /// Takes one byte from the host. Returns the frame to send, if there is one.
-    pub fn on_byte(&mut self, byte: u8, board: &Board) -> Option<Vec<u8, FRAME>> {
+    pub fn on_byte(&mut self, byte: u8, board: &BoardController) -> Option<Vec<u8, FRAME>> {
         let incoming = self.cutter.push(byte)?;
         let answer = board.with(|controller| self.server.answer(incoming, controller))?;
         let reply = match answer {
@@ -78,19 +78,19 @@ impl<F: NorFlash> LinkTask<F> {
             (Job::Keep { .. }, (table, ..)) => store.keep(table),
             (Job::Forget, _) => store.forget(),
         };
-        done.map_err(|Failed| Refusal::Memory)?;
+        done.map_err(|StoreError| Refusal::Memory)?;
         Ok(next)
     }
 
     /// Work that no request asks for: verifies the table's checksum once a second, and returns
     /// the telemetry frame to send, if there is one.
-    pub fn idle(&mut self, board: &Board) -> Option<Vec<u8, FRAME>> {
+    pub fn idle(&mut self, board: &BoardController) -> Option<Vec<u8, FRAME>> {
         self.check(board);
         let telemetry = board.with(|controller| self.server.telemetry(controller))??;
         encode(&telemetry)
     }
 
-    fn check(&mut self, board: &Board) {
+    fn check(&mut self, board: &BoardController) {
         let copy = board.with(|controller| {
             let at = controller.report().at;
             let table = controller.table();

@@ -16,9 +16,9 @@ use crate::tables::Entry;
 /// a request takes effect before it is answered, and never in the middle of a sample. The
 /// outputs are latched by hardware: the loop may wait some microseconds for the link without
 /// an effect on the plant.
-pub struct Board(Mutex<RefCell<Option<Controller<'static>>>>);
+pub struct BoardController(Mutex<RefCell<Option<Controller<'static>>>>);
 
-impl Board {
+impl BoardController {
     /// A board without a controller yet.
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(None)))
@@ -31,18 +31,18 @@ impl Board {
     }
 
     /// Calls `act` with the controller in a critical section. None before
-    /// [`Board::begin`].
+    /// [`BoardController::begin`].
     pub fn with<T>(&self, act: impl FnOnce(&mut Controller<'static>) -> T) -> Option<T> {
         critical_section::with(|cs| self.0.borrow_ref_mut(cs).as_mut().map(act))
     }
 
-    /// Runs one sample and returns the codes to latch. None before [`Board::begin`].
+    /// Runs one sample and returns the codes to latch. None before [`BoardController::begin`].
     pub fn on_sample(&self, reading: Reading) -> Option<[DacCode; LEGS]> {
         self.with(|controller| controller.on_sample(reading))
     }
 }
 
-impl Default for Board {
+impl Default for BoardController {
     fn default() -> Self {
         Self::new()
     }

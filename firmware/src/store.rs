@@ -25,7 +25,7 @@ const NOTHING: &[u8] = &[];
 
 /// The memory could not be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Failed;
+pub struct StoreError;
 
 /// A board's memory for a table.
 pub struct Store<F: NorFlash> {
@@ -60,21 +60,21 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// If the flash cannot be written. The previous table is still stored.
-    pub fn keep(&mut self, table: &ValidTable) -> Result<(), Failed> {
-        let (checksum, rest) = self.item.split_first_chunk_mut().ok_or(Failed)?;
+    pub fn keep(&mut self, table: &ValidTable) -> Result<(), StoreError> {
+        let (checksum, rest) = self.item.split_first_chunk_mut().ok_or(StoreError)?;
         *checksum = table.checksum().to_le_bytes();
-        let room = rest.first_chunk_mut().ok_or(Failed)?;
-        let length = table.encode(room).ok_or(Failed)?.len() + size_of::<u32>();
-        let item = self.item.get(..length).ok_or(Failed)?;
-        block_on(self.map.store_item(&mut self.buffer, &KEY, &item)).map_err(|_| Failed)
+        let room = rest.first_chunk_mut().ok_or(StoreError)?;
+        let length = table.encode(room).ok_or(StoreError)?.len() + size_of::<u32>();
+        let item = self.item.get(..length).ok_or(StoreError)?;
+        block_on(self.map.store_item(&mut self.buffer, &KEY, &item)).map_err(|_| StoreError)
     }
 
     /// Deletes the stored table.
     ///
     /// # Errors
     /// If the flash cannot be written.
-    pub fn forget(&mut self) -> Result<(), Failed> {
-        block_on(self.map.store_item(&mut self.buffer, &KEY, &NOTHING)).map_err(|_| Failed)
+    pub fn forget(&mut self) -> Result<(), StoreError> {
+        block_on(self.map.store_item(&mut self.buffer, &KEY, &NOTHING)).map_err(|_| StoreError)
     }
 
     /// Returns the flash.

@@ -11,7 +11,7 @@ use crate::monitors::Monitors;
 use crate::recorder::{Record, Recorded, Recorder, Recording};
 use crate::self_test::{Course, Probe, Verdict};
 use crate::step::{Demand, Output, State, Status, rest, step};
-use crate::supervisor::{Cause, Event, Fault, GENTLE, Mode, QUIET};
+use crate::supervisor::{Cause, Event, GENTLE, LatchedFault, Mode, QUIET};
 use crate::table::{ModelDigest, TableError, ValidTable};
 
 /// One sample as the board read it.
@@ -35,7 +35,7 @@ impl From<Samples> for Reading {
 
 /// Mode, gain, fault and counters of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct ControllerReport {
     /// Samples since power-up.
     pub at: u64,
     /// Current mode.
@@ -45,7 +45,7 @@ pub struct Report {
     /// Target of the loop gain, as a fraction of the table's, above 0 and up to 1.
     pub target: f32,
     /// The latched fault, if any.
-    pub fault: Option<Fault>,
+    pub fault: Option<LatchedFault>,
     /// Remaining samples of the injection; 0 without one.
     pub injecting: u32,
     /// First sample of the last injection, since power-up.
@@ -198,7 +198,7 @@ pub struct Controller<'a> {
     injection_begins: bool,
     /// First sample of the last injection.
     injected: u64,
-    fault: Option<Fault>,
+    fault: Option<LatchedFault>,
     /// The outputs at the time of the fault, and the samples since then.
     failing: ([DacCode; LEGS], u32),
     snapshot: HistoryBuf<Record, SNAPSHOT>,
@@ -534,7 +534,7 @@ impl<'a> Controller<'a> {
 
     fn fail(&mut self, cause: Cause) {
         if self.change(Event::Fault) {
-            self.fault = Some(Fault { cause, at: self.at });
+            self.fault = Some(LatchedFault { cause, at: self.at });
             self.failing = (self.dac, 0);
             self.stop_injection();
         }
@@ -659,8 +659,8 @@ impl<'a> Controller<'a> {
     }
 
     /// Mode, gain, fault and counters.
-    pub fn report(&self) -> Report {
-        Report {
+    pub fn report(&self) -> ControllerReport {
+        ControllerReport {
             at: self.at,
             mode: self.mode,
             gain: self.gain * self.fade,

@@ -147,7 +147,7 @@ pub enum Cause {
 
 /// A latched fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Fault {
+pub struct LatchedFault {
     /// Cause of the fault.
     pub cause: Cause,
     /// Time of the fault, samples since power-up.

@@ -20,11 +20,9 @@ use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::{AdcCode, Samples};
 use shared::controller::Controller;
-use shared::step::{Clamp, Demand, LawState, Output, State, Status, force, step};
+use shared::step::{Clamp, Demand, LawState, Output, State, Status, Values, force, step};
 use shared::supervisor::{Event, Mode};
 use shared::table::{Direct, Law, Paths, ValidTable};
-
-type Six = [f32; LEGS];
 
 /// SysTick counts for five instructions.
 const TICKS_PER_FIVE: u32 = 32;
@@ -37,12 +35,17 @@ const CALLS: u32 = 1000;
 // function that is subtracted.
 
 #[inline(never)]
-fn empty_law(_: &Law, _: &Six, _: &mut LawState, _: &[Six; 2]) -> (Six, Clamp) {
+fn empty_law(_: &Law, _: &Values, _: &mut LawState, _: &[Values; 2]) -> (Values, Clamp) {
     (black_box([0.0; LEGS]), Clamp::Idle)
 }
 
 #[inline(never)]
-fn whole_law(law: &Law, limits: &Six, state: &mut LawState, [w, f]: &[Six; 2]) -> (Six, Clamp) {
+fn whole_law(
+    law: &Law,
+    limits: &Values,
+    state: &mut LawState,
+    [w, f]: &[Values; 2],
+) -> (Values, Clamp) {
     force(law, limits, state, w, f, &Demand::LAW)
 }
 
@@ -158,7 +161,7 @@ fn measure(name: &str, table: &ValidTable) {
     // Small enough not to be clamped.
     let w = [[1e-7; LEGS]; 2];
     let mut state = LawState::REST;
-    let mut measure = |call: fn(&Law, &Six, &mut LawState, &[Six; 2]) -> (Six, Clamp)| {
+    let mut measure = |call: fn(&Law, &Values, &mut LawState, &[Values; 2]) -> (Values, Clamp)| {
         instructions(|| {
             let (law, limits, w) = black_box((law, &limits, &w));
             black_box(call(law, limits, &mut state, w));

@@ -25,31 +25,31 @@ pub const SETTLING: f64 = 8e-6;
 
 /// The command in a frame (data sheet, command definitions).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
+pub enum DacCommand {
     /// Write a channel's input register. The next LDAC updates the output.
-    Write(Channel, DacCode),
+    Write(DacChannel, DacCode),
     /// Write a channel's input register and update the output.
-    WriteAndUpdate(Channel, DacCode),
+    WriteAndUpdate(DacChannel, DacCode),
     /// Reset to the state after power-up.
     Reset,
     /// Use the internal reference, with the gain set by the pin.
     InternalReference,
     /// Read a channel's code back in the next frame.
-    ReadBack(Channel),
+    ReadBack(DacChannel),
     /// No operation: clocks out the code that is read back.
     Nothing,
 }
 
 /// One of the first six outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Channel(u8);
+pub struct DacChannel(u8);
 
-impl Channel {
+impl DacChannel {
     /// The channel of each leg.
     pub const ALL: [Self; LEGS] = [Self(0), Self(1), Self(2), Self(3), Self(4), Self(5)];
 }
 
-impl Command {
+impl DacCommand {
     /// The bytes of the frame.
     pub const fn encode(self) -> [u8; FRAME] {
         let (command, channel, data) = match self {
@@ -66,7 +66,7 @@ impl Command {
     }
 }
 
-/// Decodes the code in the frame after [`Command::ReadBack`].
+/// Decodes the code in the frame after [`DacCommand::ReadBack`].
 pub fn decode(frame: &[u8; FRAME]) -> DacCode {
     let [_, high, low] = *frame;
     DacCode(u16::from_be_bytes([high, low]))
@@ -74,7 +74,7 @@ pub fn decode(frame: &[u8; FRAME]) -> DacCode {
 
 /// Why the converter does not work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Error {
+pub enum DacError {
     /// The bus failed.
     Bus,
     /// A channel reads back another code than was written.
@@ -99,20 +99,20 @@ impl<S: SpiDevice> Ad5676r<S> {
     ///
     /// # Errors
     /// If the bus fails, or a channel reads back another code: the wiring is wrong.
-    pub fn start(&mut self, safe: [DacCode; LEGS]) -> Result<(), Error> {
-        self.send(Command::Reset)?;
-        self.send(Command::InternalReference)?;
-        for (channel, code) in Channel::ALL.into_iter().zip(safe) {
-            self.send(Command::WriteAndUpdate(channel, code))?;
+    pub fn start(&mut self, safe: [DacCode; LEGS]) -> Result<(), DacError> {
+        self.send(DacCommand::Reset)?;
+        self.send(DacCommand::InternalReference)?;
+        for (channel, code) in DacChannel::ALL.into_iter().zip(safe) {
+            self.send(DacCommand::WriteAndUpdate(channel, code))?;
         }
-        for (channel, code) in Channel::ALL.into_iter().zip(safe) {
-            self.send(Command::ReadBack(channel))?;
-            let mut frame = Command::Nothing.encode();
+        for (channel, code) in DacChannel::ALL.into_iter().zip(safe) {
+            self.send(DacCommand::ReadBack(channel))?;
+            let mut frame = DacCommand::Nothing.encode();
             self.device
                 .transfer_in_place(&mut frame)
-                .map_err(|_| Error::Bus)?;
+                .map_err(|_| DacError::Bus)?;
             if decode(&frame) != code {
-                return Err(Error::ReadBack);
+                return Err(DacError::ReadBack);
             }
         }
         Ok(())
@@ -122,9 +122,9 @@ impl<S: SpiDevice> Ad5676r<S> {
     ///
     /// # Errors
     /// If the bus fails.
-    pub fn write(&mut self, codes: [DacCode; LEGS]) -> Result<(), Error> {
-        for (channel, code) in Channel::ALL.into_iter().zip(codes) {
-            self.send(Command::Write(channel, code))?;
+    pub fn write(&mut self, codes: [DacCode; LEGS]) -> Result<(), DacError> {
+        for (channel, code) in DacChannel::ALL.into_iter().zip(codes) {
+            self.send(DacCommand::Write(channel, code))?;
         }
         Ok(())
     }
@@ -134,7 +134,9 @@ impl<S: SpiDevice> Ad5676r<S> {
         self.device
     }
 
-    fn send(&mut self, command: Command) -> Result<(), Error> {
-        self.device.write(&command.encode()).map_err(|_| Error::Bus)
+    fn send(&mut self, command: DacCommand) -> Result<(), DacError> {
+        self.device
+            .write(&command.encode())
+            .map_err(|_| DacError::Bus)
     }
 }

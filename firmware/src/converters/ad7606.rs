@@ -25,7 +25,7 @@ pub const CLOCK: u32 = 14_500_000;
 
 /// Why a sample could not be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Error {
+pub enum AdcError {
     /// BUSY is still high: the conversion has not ended.
     Busy,
     /// The bus failed.
@@ -60,12 +60,12 @@ impl<S: SpiDevice, B: InputPin> Ad7606<S, B> {
     ///
     /// # Errors
     /// If BUSY is high or the bus fails.
-    pub fn read(&mut self) -> Result<[AdcCode; LEGS], Error> {
-        if self.busy.is_high().map_err(|_| Error::Bus)? {
-            return Err(Error::Busy);
+    pub fn read(&mut self) -> Result<[AdcCode; LEGS], AdcError> {
+        if self.busy.is_high().map_err(|_| AdcError::Bus)? {
+            return Err(AdcError::Busy);
         }
         let mut frame = [0; FRAME];
-        self.device.read(&mut frame).map_err(|_| Error::Bus)?;
+        self.device.read(&mut frame).map_err(|_| AdcError::Bus)?;
         Ok(decode(&frame))
     }
 }

@@ -4,7 +4,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::upload::PIECE;
-use crate::controller::{Health, Identity, Refusal, Report, Telemetry};
+use crate::controller::{ControllerReport, Health, Identity, Refusal, Telemetry};
 use crate::injection::Injection;
 use crate::recorder::{Record, Recording};
 
@@ -64,7 +64,7 @@ pub enum Reply {
     /// A session has begun. Its number is in the packet.
     Hello,
     /// Mode, gain, fault and counters.
-    Report(Report),
+    Report(ControllerReport),
     /// Identity of the table in use.
     Identity(Identity),
     /// The request was carried out, or was started.

@@ -16,26 +16,26 @@ use cortex_m_rt::exception;
 use critical_section::Mutex;
 use firmware::exchange::{REQUEST, parse_request, refusal, reply};
 use firmware::link_task::LinkTask;
-use firmware::loop_task::Board;
+use firmware::loop_task::BoardController;
 use firmware::ram_flash::RamFlash;
 use firmware::store::Store;
 use firmware::tables::Entry;
 use heapless::Deque;
 use shared::recorder::Record;
 use shared::table::Limits;
-use uart::{Line, Receive};
+use uart::{Receiver, SerialPort};
 
 /// Number of records that fit into the recorder.
 const ROOM: usize = 16_384;
 
-static BOARD: Board = Board::new();
+static BOARD: BoardController = BoardController::new();
 
 /// The converters' line, and the part of a request received so far with its length.
-static CONVERTERS: Mutex<RefCell<(Option<Line>, [u8; REQUEST], usize)>> =
+static CONVERTERS: Mutex<RefCell<(Option<SerialPort>, [u8; REQUEST], usize)>> =
     Mutex::new(RefCell::new((None, [0; REQUEST], 0)));
 
 /// The link's receiver, and bytes from the host that the link task has not read yet.
-static INCOMING: Mutex<RefCell<(Option<Receive>, Deque<u8, 1024>)>> =
+static INCOMING: Mutex<RefCell<(Option<Receiver>, Deque<u8, 1024>)>> =
     Mutex::new(RefCell::new((None, Deque::new())));
 
 /// Runs the controller of a machine. Never returns.

@@ -51,27 +51,27 @@ pub const LINK: Uart = Uart {
 };
 
 /// The transmitter of a UART.
-pub struct Send(Uart);
+pub struct Transmitter(Uart);
 
 /// The receiver of a UART.
-pub struct Receive(Uart);
+pub struct Receiver(Uart);
 
 /// An open UART.
-pub struct Line {
+pub struct SerialPort {
     /// The transmitter.
-    pub send: Send,
+    pub send: Transmitter,
     /// The receiver.
-    pub receive: Receive,
+    pub receive: Receiver,
 }
 
 impl Uart {
     /// Switches the UART on. To be called once.
-    pub fn open(self) -> Line {
+    pub fn open(self) -> SerialPort {
         self.set(BAUD_DIVISOR, FASTEST);
         self.set(CONTROL, ENABLE);
-        Line {
-            send: Send(self),
-            receive: Receive(self),
+        SerialPort {
+            send: Transmitter(self),
+            receive: Receiver(self),
         }
     }
 
@@ -92,14 +92,14 @@ impl Uart {
     }
 }
 
-impl Line {
+impl SerialPort {
     /// Splits it into transmitter and receiver.
-    pub fn split(self) -> (Send, Receive) {
+    pub fn split(self) -> (Transmitter, Receiver) {
         (self.send, self.receive)
     }
 }
 
-impl Send {
+impl Transmitter {
     /// Sends all of `bytes`.
     pub fn write(&mut self, bytes: &[u8]) {
         for byte in bytes {
@@ -109,7 +109,7 @@ impl Send {
     }
 }
 
-impl Receive {
+impl Receiver {
     /// The received byte, if there is one. Clears the interrupt.
     pub fn read(&mut self) -> Option<u8> {
         self.0.set(INTERRUPT, RECEIVED);

@@ -20,7 +20,7 @@ use embedded_io::Write as _;
 use firmware::converters::ad5676r::Ad5676r;
 use firmware::converters::ad7606::Ad7606;
 use firmware::link_task::LinkTask;
-use firmware::loop_task::Board;
+use firmware::loop_task::BoardController;
 use firmware::store::Store;
 use firmware::{budget, tables};
 use shared::controller::{Health, Reading, Restart};
@@ -38,7 +38,7 @@ const ROOM: usize = 8192;
 #[unsafe(link_section = ".axi.room")]
 static mut RECORDS: MaybeUninit<[Record; ROOM]> = MaybeUninit::uninit();
 
-static BOARD: Board = Board::new();
+static BOARD: BoardController = BoardController::new();
 
 /// The converters, used by the interrupt.
 struct Converters {

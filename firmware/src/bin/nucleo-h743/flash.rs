@@ -29,9 +29,9 @@ pub struct Sectors(pub Flash<'static, Blocking>);
 
 /// An error of the flash.
 #[derive(Debug)]
-pub struct Failed(Error);
+pub struct FlashError(Error);
 
-impl NorFlashError for Failed {
+impl NorFlashError for FlashError {
     fn kind(&self) -> NorFlashErrorKind {
         match self.0 {
             Error::Size => NorFlashErrorKind::OutOfBounds,
@@ -42,7 +42,7 @@ impl NorFlashError for Failed {
 }
 
 impl ErrorType for Sectors {
-    type Error = Failed;
+    type Error = FlashError;
 }
 
 impl ReadNorFlash for Sectors {
@@ -51,9 +51,9 @@ impl ReadNorFlash for Sectors {
     /// Reads bytes. A flash word whose writing was interrupted by a loss of power may fail its
     /// error correction, which would be a bus fault. Such a word reads as zeros, which are not
     /// a valid item of the store.
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failed> {
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         if offset + bytes.len() as u32 > SIZE {
-            return Err(Failed(Error::Size));
+            return Err(FlashError(Error::Size));
         }
         let start = BASE + (OFFSET + offset) as usize;
         // One word at a time, because the loop waits meanwhile.
@@ -100,13 +100,14 @@ impl NorFlash for Sectors {
     const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = SECTOR;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Failed> {
-        Watchdog::while_slow(|| self.0.blocking_erase(OFFSET + from, OFFSET + to)).map_err(Failed)
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        Watchdog::while_slow(|| self.0.blocking_erase(OFFSET + from, OFFSET + to))
+            .map_err(FlashError)
     }
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failed> {
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         self.0
             .blocking_write(OFFSET + offset, bytes)
-            .map_err(Failed)
+            .map_err(FlashError)
     }
 }
