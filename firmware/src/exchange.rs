@@ -1,30 +1,30 @@
-//! One sample over a serial line, for emulated boards: twelve ADC codes in, six
-//! DAC codes out.
+//! One sample over a serial line, in place of the converters of an emulated board: twelve
+//! ADC codes in, six DAC codes out.
 //!
-//! A frame is a first byte, 16-bit words with the low byte first, and a CRC-8
-//! (SMBus polynomial) over all bytes before it. A request is [`SAMPLE`], the six
-//! sensors and the six force sensors beside them; a reply [`SAMPLE`] and the six
-//! outputs.
+//! A frame is a first byte, 16-bit words with the low byte first, and a CRC-8 (SMBus
+//! polynomial) over all bytes before it. A request has the first byte [`SAMPLE`] and the
+//! codes of six sensors and six force sensors. A reply has the first byte [`SAMPLE`] and the
+//! codes of six outputs.
 
 use crc::{CRC_8_SMBUS, Crc};
 use shared::LEGS;
 use shared::codes::{AdcCode, DacCode, Samples};
 
-/// Bytes in a request.
+/// Size of a request, bytes.
 pub const REQUEST: usize = 2 + 4 * LEGS;
 
-/// Bytes in a reply.
+/// Size of a reply, bytes.
 pub const REPLY: usize = 2 + 2 * LEGS;
 
-/// First byte of a request and of its reply.
+/// First byte of a request, and of the reply to a valid one.
 pub const SAMPLE: u8 = 0x5A;
 
-/// First byte of the reply to a frame that was not understood.
+/// First byte of the reply to a malformed request.
 pub const REFUSED: u8 = 0xFF;
 
 const CRC: Crc<u8> = Crc::<u8>::new(&CRC_8_SMBUS);
 
-/// A frame that is not what it should be: a wrong first byte or CRC.
+/// A malformed frame: its first byte or its CRC is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BadFrame;
 
@@ -57,13 +57,16 @@ fn unpack<const BYTES: usize, const WORDS: usize>(
     Ok((frame[0], words))
 }
 
-/// The request for one sample.
+/// Encodes the request for one sample.
 pub fn request(adc: Samples) -> [u8; REQUEST] {
     let codes = adc.sensors.into_iter().chain(adc.forces);
     pack(SAMPLE, codes.map(|code| code.0.cast_unsigned()))
 }
 
-/// The codes of a request.
+/// Decodes the ADC codes of a request.
+///
+/// # Errors
+/// If the request is malformed.
 pub fn parse_request(frame: &[u8; REQUEST]) -> Result<Samples, BadFrame> {
     let (first, words) = unpack::<REQUEST, { 2 * LEGS }>(frame)?;
     if first != SAMPLE {
@@ -76,17 +79,20 @@ pub fn parse_request(frame: &[u8; REQUEST]) -> Result<Samples, BadFrame> {
     })
 }
 
-/// The reply to a request: the codes that are latched.
+/// Encodes the reply to a valid request, with the DAC codes to latch.
 pub fn reply(dac: [DacCode; LEGS]) -> [u8; REPLY] {
     pack(SAMPLE, dac.into_iter().map(|code| code.0))
 }
 
-/// The reply to a request that was not understood.
+/// Encodes the reply to a malformed request.
 pub fn refusal() -> [u8; REPLY] {
     pack(REFUSED, core::iter::empty())
 }
 
-/// The codes in a reply.
+/// Decodes the DAC codes of a reply.
+///
+/// # Errors
+/// If the reply is malformed or says that the request was.
 pub fn parse_reply(frame: &[u8; REPLY]) -> Result<[DacCode; LEGS], BadFrame> {
     match unpack::<REPLY, LEGS>(frame)? {
         (SAMPLE, words) => Ok(words.map(DacCode)),
@@ -109,8 +115,8 @@ mod tests {
         assert_eq!(parse_reply(&reply(dac)), Ok(dac));
     }
 
-    /// The layout as documented, byte by byte; the CRC worked out by hand-run
-    /// long division (polynomial x⁸ + x² + x + 1).
+    /// The layout is the documented one, byte by byte, with the CRC from a long division
+    /// (polynomial x⁸ + x² + x + 1).
     #[test]
     fn the_layout_is_the_documented_one() {
         let frame = request(Samples {

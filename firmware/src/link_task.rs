@@ -1,4 +1,5 @@
-//! The link task: frames in, frames out, and what can wait, below the loop.
+//! The link task: frames in, frames out, and work that can wait. It runs at a lower
+//! priority than the loop.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
@@ -7,27 +8,27 @@ use shared::link::{Answer, Cutter, FRAME, Job, Server, encode};
 use shared::recorder::Record;
 use shared::table::{Limits, ValidTable};
 
-use crate::loop_task::Board;
-use crate::store::{Failed, Store};
+use crate::loop_task::BoardController;
+use crate::store::{Store, StoreError};
 use crate::tables::Entry;
 
-/// The board's end of the link, with its memory for a table.
+/// The board's end of the link, and its memory for a table.
 pub struct LinkTask<F: NorFlash> {
     cutter: Cutter,
     server: Server,
     limits: Limits,
     entry: &'static Entry,
-    /// None on a board whose memory cannot be used.
+    /// None if the board's memory cannot be used.
     store: Option<Store<F>>,
-    /// When the table was last checked, samples.
+    /// Time of the last check of the table, samples since power-up.
     checked: u64,
 }
 
 impl<F: NorFlash> LinkTask<F> {
-    /// Puts a table into `board`, the kept one if there is one that runs here, else the
-    /// one compiled in, `entry`'s. `room` is the recorder's memory.
+    /// Starts `board` with the stored table, or with the one compiled in, `entry`, if there is
+    /// no stored table that this board can run. `room` is the memory of the recorder.
     pub fn begin(
-        board: &Board,
+        board: &BoardController,
         entry: &'static Entry,
         limits: Limits,
         mut store: Option<Store<F>>,
@@ -38,7 +39,7 @@ impl<F: NorFlash> LinkTask<F> {
         if let Some((table, checksum)) = kept
             && limits.admit(&table).is_ok()
         {
-            // Nothing runs yet that could refuse it.
+            // No loop runs yet, so it is not refused.
             let _ = board.with(|controller| controller.replace(table, checksum, true));
         }
         Self {
@@ -51,14 +52,15 @@ impl<F: NorFlash> LinkTask<F> {
         }
     }
 
-    /// One byte from the host; the frame to send where one is due.
-    pub fn on_byte(&mut self, byte: u8, board: &Board) -> Option<Vec<u8, FRAME>> {
+    /// Takes one byte from the host. Returns the frame to send, if there is one.
+    pub fn on_byte(&mut self, byte: u8, board: &BoardController) -> Option<Vec<u8, FRAME>> {
         let incoming = self.cutter.push(byte)?;
         let answer = board.with(|controller| self.server.answer(incoming, controller))?;
         let reply = match answer {
             Answer::Reply(reply) => reply,
             Answer::Table(job) => {
-                // Without the controller: the loop goes on, its legs at rest.
+                // Without holding the controller: the loop keeps running meanwhile, with
+                // the legs at rest.
                 let outcome = self.shelve(job);
                 board.with(|controller| self.server.run(outcome, controller))?
             }
@@ -66,7 +68,8 @@ impl<F: NorFlash> LinkTask<F> {
         encode(&reply)
     }
 
-    /// Keeps or forgets a table; the one to run from here on.
+    /// Stores or deletes a table. Returns the one to run from now on, with its checksum and
+    /// whether it came over the link.
     fn shelve(&mut self, job: Job) -> Result<(ValidTable, u32, bool), Refusal> {
         let store = self.store.as_mut().ok_or(Refusal::Memory)?;
         let compiled = (*self.entry.table, self.entry.checksum);
@@ -75,19 +78,19 @@ impl<F: NorFlash> LinkTask<F> {
             (Job::Keep { .. }, (table, ..)) => store.keep(table),
             (Job::Forget, _) => store.forget(),
         };
-        done.map_err(|Failed| Refusal::Memory)?;
+        done.map_err(|StoreError| Refusal::Memory)?;
         Ok(next)
     }
 
-    /// What goes on without being asked: the telemetry to send next, if any, and
-    /// once a second a look at the table.
-    pub fn idle(&mut self, board: &Board) -> Option<Vec<u8, FRAME>> {
+    /// Work that no request asks for: verifies the table's checksum once a second, and returns
+    /// the telemetry frame to send, if there is one.
+    pub fn idle(&mut self, board: &BoardController) -> Option<Vec<u8, FRAME>> {
         self.check(board);
         let telemetry = board.with(|controller| self.server.telemetry(controller))??;
         encode(&telemetry)
     }
 
-    fn check(&mut self, board: &Board) {
+    fn check(&mut self, board: &BoardController) {
         let copy = board.with(|controller| {
             let at = controller.report().at;
             let table = controller.table();

@@ -1,4 +1,4 @@
-//! The loop task: what runs once per sample, above everything else.
+//! The loop task: it runs once per sample, at the highest priority.
 
 use core::cell::RefCell;
 
@@ -10,39 +10,39 @@ use shared::recorder::Record;
 
 use crate::tables::Entry;
 
-/// The controller of a board, between its loop and its link.
+/// The controller of a board, shared by its loop and its link.
 ///
-/// Each holds it in a critical section, never longer than one request or one
-/// sample takes. So a request is answered at once by what it did, and no request
-/// meets half a sample. The outputs are latched by hardware: the loop may wait
-/// some microseconds for the link without the plant seeing it.
-pub struct Board(Mutex<RefCell<Option<Controller<'static>>>>);
+/// Each uses it in a critical section, for no longer than one sample or one request takes. So
+/// a request takes effect before it is answered, and never in the middle of a sample. The
+/// outputs are latched by hardware: the loop may wait some microseconds for the link without
+/// an effect on the plant.
+pub struct BoardController(Mutex<RefCell<Option<Controller<'static>>>>);
 
-impl Board {
-    /// Before there is a table.
+impl BoardController {
+    /// A board without a controller yet.
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(None)))
     }
 
-    /// Puts a machine's table in. `room` is the recorder's memory.
+    /// Creates the controller for the table of `entry`. `room` is the memory of the recorder.
     pub fn begin(&self, entry: &Entry, room: &'static mut [Record]) {
         let controller = Controller::new(*entry.table, entry.checksum, room);
         critical_section::with(|cs| self.0.borrow_ref_mut(cs).replace(controller));
     }
 
-    /// Something with the controller; none before there is one.
+    /// Calls `act` with the controller in a critical section. None before
+    /// [`BoardController::begin`].
     pub fn with<T>(&self, act: impl FnOnce(&mut Controller<'static>) -> T) -> Option<T> {
         critical_section::with(|cs| self.0.borrow_ref_mut(cs).as_mut().map(act))
     }
 
-    /// Takes one conversion and gives the codes to latch; none before there is a
-    /// table.
+    /// Runs one sample and returns the codes to latch. None before [`BoardController::begin`].
     pub fn on_sample(&self, reading: Reading) -> Option<[DacCode; LEGS]> {
         self.with(|controller| controller.on_sample(reading))
     }
 }
 
-impl Default for Board {
+impl Default for BoardController {
     fn default() -> Self {
         Self::new()
     }

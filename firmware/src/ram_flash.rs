@@ -1,21 +1,23 @@
-//! Memory that behaves as flash does, for boards without any: the emulated ones.
+//! RAM that behaves like flash, for the emulated boards, which have no flash to write.
 
 use core::convert::Infallible;
 
 use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
-/// Pages, and bytes in one.
+/// Number of pages.
 const PAGES: usize = 2;
+
+/// Size of a page, bytes.
 const PAGE: usize = 8192;
 
-/// Erased bytes are 0xFF; a write can only clear bits.
+/// RAM that behaves like flash: erased bytes are 0xFF, and a write can only clear bits.
 pub struct RamFlash([u8; Self::SIZE]);
 
 impl RamFlash {
-    /// Bytes.
+    /// Total size, bytes.
     pub const SIZE: usize = PAGES * PAGE;
 
-    /// Erased.
+    /// Erased memory.
     pub const fn new() -> Self {
         Self([0xFF; Self::SIZE])
     }

@@ -1,9 +1,9 @@
-//! A table that came over the link, kept through power failure.
+//! Non-volatile memory for a table that came over the link.
 //!
-//! One item of a sequential-storage map: a new one is written beside the old one and
-//! counts only when it is whole, so that a board that loses its power at any moment
-//! finds the old or the new one, never half of one. The table compiled in is not
-//! touched.
+//! The table is one item of a sequential-storage map. A new item is written to free flash and
+//! becomes valid when it is complete. So after a loss of power at any moment the board finds
+//! either the old or the new table, never a part of one. The table compiled into the firmware
+//! is not affected.
 
 use core::ops::Range;
 
@@ -13,18 +13,19 @@ use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 use shared::table::{TABLE_ROOM, ValidTable};
 
-/// The item's key.
+/// Key of the item.
 const KEY: u8 = 0;
 
-/// Of a checksum and a table; flash writes whole words, of 32 bytes at the most.
+/// Size of a buffer for a checksum and a table. Flash is written in whole words of up to 32
+/// bytes.
 const ROOM: usize = TABLE_ROOM + 64;
 
-/// What is kept when there is no table.
+/// The item that says that no table is stored.
 const NOTHING: &[u8] = &[];
 
-/// The memory could not be read or written.
+/// The memory could not be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Failed;
+pub struct StoreError;
 
 /// A board's memory for a table.
 pub struct Store<F: NorFlash> {
@@ -34,8 +35,8 @@ pub struct Store<F: NorFlash> {
 }
 
 impl<F: NorFlash> Store<F> {
-    /// In `pages` of `flash`, at least two that can be erased by themselves. None if
-    /// they cannot be used.
+    /// A store in the byte range `pages` of `flash`, which must cover at least two pages that
+    /// can be erased separately. None if it does not.
     pub fn new(flash: F, pages: Range<u32>) -> Option<Self> {
         let config = MapConfig::try_new(pages).ok()?;
         Some(Self {
@@ -45,8 +46,8 @@ impl<F: NorFlash> Store<F> {
         })
     }
 
-    /// The table that was kept last, with its checksum; none if there is none, or none
-    /// that this firmware reads: its layout is another, or it is not valid.
+    /// The stored table with its checksum. None if there is none, or if this firmware cannot
+    /// use it: it has another layout or is not valid.
     pub fn table(&mut self) -> Option<(ValidTable, u32)> {
         let item = block_on(self.map.fetch_item::<&[u8]>(&mut self.buffer, &KEY));
         let (checksum, bytes) = item.ok()??.split_first_chunk()?;
@@ -55,28 +56,28 @@ impl<F: NorFlash> Store<F> {
         Some((table, checksum))
     }
 
-    /// Keeps a table in place of the one before.
+    /// Stores a table in place of the previous one.
     ///
     /// # Errors
-    /// Where the flash does; the one before is still there.
-    pub fn keep(&mut self, table: &ValidTable) -> Result<(), Failed> {
-        let (checksum, rest) = self.item.split_first_chunk_mut().ok_or(Failed)?;
+    /// If the flash cannot be written. The previous table is still stored.
+    pub fn keep(&mut self, table: &ValidTable) -> Result<(), StoreError> {
+        let (checksum, rest) = self.item.split_first_chunk_mut().ok_or(StoreError)?;
         *checksum = table.checksum().to_le_bytes();
-        let room = rest.first_chunk_mut().ok_or(Failed)?;
-        let length = table.encode(room).ok_or(Failed)?.len() + size_of::<u32>();
-        let item = self.item.get(..length).ok_or(Failed)?;
-        block_on(self.map.store_item(&mut self.buffer, &KEY, &item)).map_err(|_| Failed)
+        let room = rest.first_chunk_mut().ok_or(StoreError)?;
+        let length = table.encode(room).ok_or(StoreError)?.len() + size_of::<u32>();
+        let item = self.item.get(..length).ok_or(StoreError)?;
+        block_on(self.map.store_item(&mut self.buffer, &KEY, &item)).map_err(|_| StoreError)
     }
 
-    /// Forgets it.
+    /// Deletes the stored table.
     ///
     /// # Errors
-    /// Where the flash does not.
-    pub fn forget(&mut self) -> Result<(), Failed> {
-        block_on(self.map.store_item(&mut self.buffer, &KEY, &NOTHING)).map_err(|_| Failed)
+    /// If the flash cannot be written.
+    pub fn forget(&mut self) -> Result<(), StoreError> {
+        block_on(self.map.store_item(&mut self.buffer, &KEY, &NOTHING)).map_err(|_| StoreError)
     }
 
-    /// The flash it is in.
+    /// Returns the flash.
     pub fn into_flash(self) -> F {
         self.map.destroy().0
     }

@@ -5,8 +5,8 @@ use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use embedded_hal_mock::eh1::MockError;
 use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as PinAt};
 use embedded_hal_mock::eh1::spi::{Mock, Transaction};
-use firmware::converters::ad5676r::{self, Ad5676r, Channel, Command};
-use firmware::converters::ad7606::{self, Ad7606};
+use firmware::converters::ad5676r::{self, Ad5676r, DacChannel, DacCommand, DacError};
+use firmware::converters::ad7606::{self, Ad7606, AdcError};
 use shared::LEGS;
 use shared::codes::{AdcCode, DacCode};
 
@@ -63,7 +63,7 @@ fn busy_is_an_error() {
     let mut device = Mock::<u8>::new(&[]);
     let mut busy = Pin::new(&[PinAt::get(State::High)]);
     let mut adc = Ad7606::new(device.clone(), busy.clone());
-    assert_eq!(adc.read(), Err(ad7606::Error::Busy));
+    assert_eq!(adc.read(), Err(AdcError::Busy));
     device.done();
     busy.done();
 }
@@ -78,8 +78,8 @@ fn a_read_that_fails_is_an_error() {
     ]);
     let mut bus = Failing { good: 0, asked: 0 };
     let mut adc = Ad7606::new(&mut bus, busy.clone());
-    assert_eq!(adc.read(), Err(ad7606::Error::Bus));
-    assert_eq!(adc.read(), Err(ad7606::Error::Bus));
+    assert_eq!(adc.read(), Err(AdcError::Bus));
+    assert_eq!(adc.read(), Err(AdcError::Bus));
     busy.done();
     assert_eq!(bus.asked, 1);
 }
@@ -96,18 +96,21 @@ const CODES: [DacCode; LEGS] = [
 /// AD5676R, command definitions and address commands.
 #[test]
 fn dac_frames_are_the_data_sheets() {
-    let [first, .., last] = Channel::ALL;
+    let [first, .., last] = DacChannel::ALL;
     for (command, frame) in [
-        (Command::Nothing, [0x00, 0x00, 0x00]),
-        (Command::Write(first, DacCode(0x8000)), [0x10, 0x80, 0x00]),
-        (Command::Write(last, DacCode(0x1234)), [0x15, 0x12, 0x34]),
+        (DacCommand::Nothing, [0x00, 0x00, 0x00]),
         (
-            Command::WriteAndUpdate(last, DacCode(0xABCD)),
+            DacCommand::Write(first, DacCode(0x8000)),
+            [0x10, 0x80, 0x00],
+        ),
+        (DacCommand::Write(last, DacCode(0x1234)), [0x15, 0x12, 0x34]),
+        (
+            DacCommand::WriteAndUpdate(last, DacCode(0xABCD)),
             [0x35, 0xAB, 0xCD],
         ),
-        (Command::Reset, [0x60, 0x12, 0x34]),
-        (Command::InternalReference, [0x70, 0x00, 0x00]),
-        (Command::ReadBack(last), [0x95, 0x00, 0x00]),
+        (DacCommand::Reset, [0x60, 0x12, 0x34]),
+        (DacCommand::InternalReference, [0x70, 0x00, 0x00]),
+        (DacCommand::ReadBack(last), [0x95, 0x00, 0x00]),
     ] {
         assert_eq!(command.encode(), frame, "{command:?}");
     }
@@ -164,7 +167,7 @@ fn a_start_reads_back() {
     device.done();
     let mut device = Mock::new(&start(&[0x8000, 0x8000, 0]));
     let found = Ad5676r::new(device.clone()).start(safe);
-    assert_eq!(found, Err(ad5676r::Error::ReadBack));
+    assert_eq!(found, Err(DacError::ReadBack));
     device.done();
 }
 
@@ -174,7 +177,7 @@ fn a_write_that_fails_is_an_error() {
     for good in 0..LEGS {
         let mut bus = Failing { good, asked: 0 };
         let found = Ad5676r::new(&mut bus).write(CODES);
-        assert_eq!(found, Err(ad5676r::Error::Bus));
+        assert_eq!(found, Err(DacError::Bus));
         assert_eq!(bus.asked, good + 1);
     }
     let mut bus = Failing {

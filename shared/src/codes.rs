@@ -1,8 +1,8 @@
 //! Converter codes and every conversion between codes, volts, m/s² and N.
 //!
-//! The `f64` side describes the converters and serves the host (simulation and
-//! table making); the `f32` side ([`Calibration`], [`Drive`]) is what the step
-//! runs.
+//! The `f64` types [`Adc`] and [`Dac`] describe the converters for the host, which
+//! simulates them and makes tables. The step runs the `f32` types [`Calibration`] and
+//! [`Drive`].
 
 use serde::{Deserialize, Serialize};
 
@@ -12,13 +12,13 @@ use crate::LEGS;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AdcCode(pub i16);
 
-/// What the ADCs read at one instant.
+/// The ADC codes of one sampling instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Samples {
-    /// The table's sensors.
+    /// Codes of the table's sensors.
     pub sensors: [AdcCode; LEGS],
-    /// The force sensors beside them, where a table has a
-    /// [`Complement`](crate::table::Complement); else nobody looks.
+    /// Codes of the force sensors of a [`Complement`](crate::table::Complement); ignored
+    /// by tables without one.
     pub forces: [AdcCode; LEGS],
 }
 
@@ -31,7 +31,7 @@ impl Samples {
 }
 
 impl From<[AdcCode; LEGS]> for Samples {
-    /// Of a board with six sensors.
+    /// The codes of a board with six sensors; the force sensors' codes are zero.
     fn from(sensors: [AdcCode; LEGS]) -> Self {
         Self {
             sensors,
@@ -40,7 +40,7 @@ impl From<[AdcCode; LEGS]> for Samples {
     }
 }
 
-/// A raw DAC word: straight binary, 0 is the low end of the range.
+/// A raw DAC code: straight binary, 0 is the low end of the range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DacCode(pub u16);
 
@@ -53,12 +53,12 @@ impl LegForces {
     pub const ZERO: Self = Self([0.0; LEGS]);
 }
 
-/// Why a converter cannot be what it is said to be.
+/// Why a description of a converter is not valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConverterError {
-    /// Bits outside 8 to 16.
+    /// The number of bits is outside 8 to 16.
     Bits,
-    /// A range that is not finite or not positive.
+    /// The range is not finite, or its high end is not above its low end.
     Range,
 }
 
@@ -66,7 +66,9 @@ impl core::fmt::Display for ConverterError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
             Self::Bits => "a converter has 8 to 16 bits",
-            Self::Range => "a converter's range is finite and its high end lies above its low end",
+            Self::Range => {
+                "a converter's range must be finite, with its high end above its low end"
+            }
         })
     }
 }
@@ -81,7 +83,10 @@ pub struct Adc {
 }
 
 impl Adc {
-    /// `range` V either side of zero, `bits` of 8 to 16.
+    /// A converter with range ±`range` V and 8 to 16 `bits`.
+    ///
+    /// # Errors
+    /// If a number is outside its range.
     pub fn new(bits: u32, range: f64) -> Result<Self, ConverterError> {
         check(bits, -range, range)?;
         Ok(Self { bits, range })
@@ -92,14 +97,14 @@ impl Adc {
         2.0 * self.range / f64::from(1u32 << self.bits)
     }
 
-    /// The highest code; the lowest is its negative less one.
+    /// The highest code. The lowest is −`max()` − 1.
     pub fn max(&self) -> AdcCode {
         // At most 2^15 − 1.
         AdcCode(((1i32 << (self.bits - 1)) - 1) as i16)
     }
 
-    /// The code nearest to `volts`, held at the ends of the range. NaN gives
-    /// the lowest code.
+    /// The code nearest to `volts`, limited to the ends of the range. NaN gives the
+    /// lowest code.
     pub fn code(&self, volts: f64) -> AdcCode {
         let half = f64::from(1i32 << (self.bits - 1));
         // Offset to positive so that the cast's truncation rounds to nearest.
@@ -125,8 +130,11 @@ pub struct Dac {
 }
 
 impl Dac {
-    /// Code 0 is `low` V, one code past the highest is `high` V; `bits` of 8
-    /// to 16.
+    /// A converter with 8 to 16 `bits`: code 0 gives `low` V, and one code past the
+    /// highest would give `high` V.
+    ///
+    /// # Errors
+    /// If a number is outside its range.
     pub fn new(bits: u32, low: f64, high: f64) -> Result<Self, ConverterError> {
         check(bits, low, high)?;
         Ok(Self { bits, low, high })
@@ -148,26 +156,26 @@ impl Dac {
         self.low + f64::from(code.0) * self.lsb()
     }
 
-    /// The code in the middle of the range: no force.
+    /// The code in the middle of the range, which is zero force.
     pub fn middle(&self) -> DacCode {
         // At most 2^15.
         DacCode((1u32 << (self.bits - 1)) as u16)
     }
 
-    /// The force of a code, N, with an actuator of `gain` N/V about the
-    /// middle of the range.
+    /// The force of a code, N, for an actuator of `gain` N/V, zero in the middle of the
+    /// range.
     pub fn force(&self, code: DacCode, gain: f64) -> f64 {
         (self.volts(code) - self.volts(self.middle())) * gain
     }
 
-    /// The largest force either way, N, that a code can ask of an actuator of
-    /// `gain` N/V.
+    /// The largest force in both directions, N, that the codes can demand of an actuator
+    /// of `gain` N/V.
     pub fn reach(&self, gain: f64) -> f64 {
         self.force(self.max(), gain.abs())
     }
 
-    /// Drive for an actuator of `gain` N/V, bounded to ±`limit` N and a hair
-    /// inside the reach, so that rounding to `f32` cannot carry it past.
+    /// Drive for an actuator of `gain` N/V, limited to ±`limit` N and to slightly less
+    /// than [`Dac::reach`], so that rounding to `f32` cannot exceed it.
     pub fn drive(&self, gain: f64, limit: f64) -> Drive {
         let limit = limit.min(self.reach(gain) * (1.0 - 1e-6));
         Drive {
@@ -188,17 +196,17 @@ fn check(bits: u32, low: f64, high: f64) -> Result<(), ConverterError> {
     Ok(())
 }
 
-/// One sensor channel, code to unit (m/s² or N).
+/// One sensor channel, from code to m/s² or N.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// The code at zero.
+    /// The code at a value of zero.
     pub zero: f32,
-    /// Units per code; its sign is the sensor's.
+    /// Units (m/s² or N) per code; negative for an inverted sensor.
     pub gain: f32,
 }
 
 impl Calibration {
-    /// Whether all is finite and a code means something.
+    /// Whether both numbers are finite and the gain is not zero.
     pub(crate) const fn is_usable(&self) -> bool {
         self.zero.is_finite() && self.gain.is_finite() && self.gain != 0.0
     }
@@ -210,20 +218,20 @@ impl Calibration {
     }
 }
 
-/// One actuator channel, N to code.
+/// One actuator channel, from N to code.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Drive {
-    /// The code of no force.
+    /// The code of zero force.
     pub zero: f32,
-    /// Codes per N; its sign is the amplifier's.
+    /// Codes per N; negative for an inverting amplifier.
     pub gain: f32,
-    /// The largest force either way, N.
+    /// The largest force in both directions, N.
     pub limit: f32,
 }
 
 impl Drive {
-    /// The code nearest to `force` N. What does not fit 16 bits is held at
-    /// their ends; a validated table's limit lies inside the DAC's range.
+    /// The code nearest to `force` N, limited to 16 bits. The limit of a valid table is
+    /// inside the DAC's range.
     #[inline]
     pub fn code(&self, force: f32) -> DacCode {
         DacCode((self.zero + force * self.gain + 0.5) as u16)
@@ -240,7 +248,7 @@ impl Drive {
 mod tests {
     use super::*;
 
-    /// AD7606 data sheet, ±10 V range: 1 LSB = 305 µV, full scale ∓32768.
+    /// AD7606 data sheet, ±10 V range: 1 LSB = 305 µV, codes −32768 to 32767.
     #[test]
     fn adc_codes_are_the_data_sheets() {
         let adc = Adc::new(16, 10.0).unwrap();
@@ -267,8 +275,8 @@ mod tests {
         assert_eq!(dac.middle(), DacCode(32768));
     }
 
-    /// One volt more on the DAC is `gain` N more push; a drive that asks for
-    /// that force gives that voltage.
+    /// One volt more at the DAC is `gain` N more force, and a drive converts that force
+    /// to that voltage.
     #[test]
     fn a_push_is_a_higher_voltage() {
         let dac = Dac::new(16, 0.0, 5.0).unwrap();
@@ -277,7 +285,7 @@ mod tests {
         assert!((dac.volts(code) - 3.5).abs() <= dac.lsb());
         assert!((dac.force(code, 100.0) - 100.0).abs() <= 100.0 * dac.lsb());
         assert!((dac.reach(-100.0) - 250.0).abs() < 0.01);
-        // An inverting amplifier: the same push is a lower voltage.
+        // With an inverting amplifier the same force is a lower voltage.
         assert!((dac.volts(dac.drive(-100.0, 200.0).code(100.0)) - 1.5).abs() <= dac.lsb());
     }
 

@@ -1,5 +1,5 @@
-//! The whole controller of a board: table, step, supervisor, injection, recorder.
-//! One call a sample, and requests in between.
+//! The complete controller of a board: table, step, supervisor, injection and recorder.
+//! [`Controller::on_sample`] runs once per sample; requests come in between.
 
 use heapless::{Deque, HistoryBuf};
 use serde::{Deserialize, Serialize};
@@ -7,24 +7,24 @@ use serde::{Deserialize, Serialize};
 use crate::LEGS;
 use crate::codes::{DacCode, LegForces, Samples};
 use crate::injection::{Injection, Injector};
+use crate::monitors::Monitors;
 use crate::recorder::{Record, Recorded, Recorder, Recording};
-use crate::self_test::{Probe, Verdict};
+use crate::self_test::{Course, Probe, Verdict};
 use crate::step::{Demand, Output, State, Status, rest, step};
-use crate::supervisor::{Cause, Event, Fault, GENTLE, Mode, QUIET};
+use crate::supervisor::{Cause, Event, GENTLE, LatchedFault, Mode, QUIET};
 use crate::table::{ModelDigest, TableError, ValidTable};
-use crate::watch::Watch;
 
-/// What a board has of one sample.
+/// One sample as the board read it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
-    /// The codes; none if the converters' bus failed.
+    /// The ADC codes. None if they could not be read.
     pub samples: Option<Samples>,
-    /// Whether the outputs of the sample before were latched late.
+    /// Whether the previous sample missed its deadline, so that its outputs were latched late.
     pub late: bool,
 }
 
 impl From<Samples> for Reading {
-    /// All is well.
+    /// A sample that was read, after one that met its deadline.
     fn from(samples: Samples) -> Self {
         Self {
             samples: Some(samples),
@@ -33,74 +33,75 @@ impl From<Samples> for Reading {
     }
 }
 
-/// How things stand.
+/// Mode, gain, fault and counters of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Report {
-    /// Samples since power came.
+pub struct ControllerReport {
+    /// Samples since power-up.
     pub at: u64,
-    /// Mode.
+    /// Current mode.
     pub mode: Mode,
-    /// The part of the law's force that is given.
+    /// Current loop gain, as a fraction of the table's, 0 to 1.
     pub gain: f32,
-    /// The part that is aimed at.
+    /// Target of the loop gain, as a fraction of the table's, above 0 and up to 1.
     pub target: f32,
-    /// The latched fault.
-    pub fault: Option<Fault>,
-    /// Samples of the injection still to come.
+    /// The latched fault, if any.
+    pub fault: Option<LatchedFault>,
+    /// Remaining samples of the injection; 0 without one.
     pub injecting: u32,
-    /// The first sample of the last injection, since power came.
+    /// First sample of the last injection, since power-up.
     pub injected: u64,
-    /// The recording.
+    /// Progress of the recording.
     pub recorded: Recorded,
-    /// Samples clamped while the loop had a part, since power came.
+    /// Number of samples with clamped forces while the loop was closed, since power-up.
     pub clamped: u32,
-    /// Deadlines missed since power came.
+    /// Number of missed deadlines since power-up.
     pub late: u32,
-    /// Samples not read since power came.
+    /// Number of samples that could not be read, since power-up.
     pub lost: u32,
-    /// Telemetry that found no room since power came.
+    /// Number of telemetry samples dropped because the queue was full, since power-up.
     pub dropped: u32,
 }
 
-/// What a table is known by.
+/// The table that runs on a board.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
-    /// The table's layout.
+    /// Version of the table's layout.
     pub format: u16,
-    /// The machine description it was made from.
+    /// Digest of the machine description that the table was made from.
     pub model: ModelDigest,
-    /// Its checksum.
+    /// Checksum of the table, as given when it was made.
     pub checksum: u32,
-    /// Hz.
+    /// Sample rate, Hz.
     pub sample_rate: f32,
-    /// Records that the recorder has room for.
+    /// Number of records that fit into the recorder.
     pub room: u32,
-    /// Whether the table came over the link; else it is the one compiled in.
+    /// Whether the table came over the link. If not, it is the one compiled into the
+    /// firmware.
     pub sent: bool,
 }
 
-/// How the board's processor does. Times in ns, since power came; 0 on a board without
-/// a clock for them.
+/// Timing and stack use of the board's processor since power-up. Times are 0 on a board
+/// without a clock for them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Health {
-    /// Why the board last started.
+    /// Cause of the last start.
     pub restart: Restart,
-    /// From one sample to the next.
+    /// Sample period, ns.
     pub period: u32,
-    /// From the interrupt of a sample until its codes were written, at the most.
+    /// Longest time from a sample's interrupt until its codes were written, ns.
     pub longest: u32,
-    /// The same on average.
+    /// Average time from a sample's interrupt until its codes were written, ns.
     pub usual: u32,
-    /// From the earliest to the latest interrupt, against the timer.
+    /// Difference between the latest and the earliest interrupt relative to the timer, ns.
     pub jitter: u32,
     /// Stack that was never used, bytes.
     pub stack: u32,
 }
 
-/// Why a board started.
+/// The cause of a board's start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Restart {
-    /// Power came, or nobody knows.
+    /// Power-up, or an unknown cause.
     #[default]
     Power,
     /// The reset button, or a debugger.
@@ -109,89 +110,100 @@ pub enum Restart {
     Watchdog,
     /// The firmware panicked.
     Panic,
-    /// The processor met what it cannot do.
+    /// A hard fault of the processor.
     HardFault,
 }
 
-/// One sample out of many, live.
+/// One sample, sent while the controller runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Telemetry {
-    /// Its number since power came.
+    /// Number of the sample since power-up.
     pub at: u64,
-    /// Mode.
+    /// Mode after the sample.
     pub mode: Mode,
-    /// Gain.
+    /// Loop gain, as a fraction of the table's, 0 to 1.
     pub gain: f32,
-    /// The sample.
+    /// The codes of the sample.
     pub record: Record,
-    /// What the step saw.
+    /// What the step observed.
     pub status: Status,
 }
 
-/// Why a request changes nothing.
+/// Why a request was refused. A refused request changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Refusal {
-    /// Not in this mode.
+    /// Not allowed in the current mode.
     Mode,
-    /// A number is outside its limits.
+    /// A number is outside its range.
     Range,
-    /// A frame that is none: its length, its checksum or what is in it.
+    /// Malformed frame: wrong length, checksum or content.
     Frame,
-    /// A frame of another version of the link.
+    /// The frame is for another version of the link.
     Version,
-    /// A frame of another session.
+    /// The frame belongs to another session, or no session has begun.
     Session,
-    /// A frame that is no newer than one before it.
+    /// The sequence number is not above the last one, or the number of `Hello` was used in
+    /// one of the last sessions.
     Replayed,
-    /// A table that does not run here.
+    /// The table is not valid, or this board cannot run it.
     Table(TableError),
-    /// The table could not be kept; the one before runs on.
+    /// The table could not be stored. The previous one stays in use.
     Memory,
 }
 
-/// Samples kept from before a fault.
+/// Number of records kept from before a fault.
 pub const SNAPSHOT: usize = 64;
 
-/// A leg that pushes with more than this part of its limit turns a soft start
-/// back.
+/// A leg force above this fraction of its limit makes a soft start lower the gain.
 const HARD: f32 = 0.5;
 
-/// So many pilots that fail, with none that passes between, are a fault: what a
-/// shock did to one it does not do to the next.
+/// Number of failed pilots, with none passed in between, that is a fault. A shock can make
+/// one fail, but not the next one too.
 const STRIKES: u32 = 2;
 
-/// Telemetry that waits to be sent.
+/// Length of the telemetry queue.
 const WAITING: usize = 8;
 
-/// A controller with memory for its recorder.
+/// The controller of a board. Its recorder uses memory given by the caller.
 #[derive(Debug)]
 pub struct Controller<'a> {
     table: ValidTable,
+    /// As given with the table.
     checksum: u32,
+    /// Whether the table came over the link.
     sent: bool,
+    /// Samples since power-up.
     at: u64,
     mode: Mode,
-    /// None until the first sample has settled the AC coupling.
+    /// None until the first sample has initialised the AC coupling.
     state: Option<State>,
+    /// As in [`Demand`].
     gain: f32,
+    /// As in [`Demand`].
     fade: f32,
-    /// Samples that a soft start has waited, and the sums of their codes.
+    /// Samples that a soft start has waited, and the sums of the codes it averages.
     settling: (u32, [i64; LEGS]),
+    /// Target of `gain`.
     target: f32,
+    /// The last outputs.
     dac: [DacCode; LEGS],
+    /// The last samples that were read.
     samples: Samples,
-    watch: Watch,
+    monitors: Monitors,
     probe: Probe,
-    /// Pilots in a row that failed.
+    /// Failed pilots with none passed in between.
     strikes: u32,
     injector: Option<Injector>,
+    /// Whether the next sample is the first of an injection.
     injection_begins: bool,
+    /// First sample of the last injection.
     injected: u64,
-    fault: Option<Fault>,
-    /// The outputs at the fault, and samples since.
+    fault: Option<LatchedFault>,
+    /// The outputs at the time of the fault, and the samples since then.
     failing: ([DacCode; LEGS], u32),
     snapshot: HistoryBuf<Record, SNAPSHOT>,
     recorder: Recorder<'a>,
+    /// Telemetry queues one sample in `every`; 0 for none.
     every: u32,
     telemetry: Deque<Telemetry, WAITING>,
     clamped: u32,
@@ -202,8 +214,9 @@ pub struct Controller<'a> {
 }
 
 impl<'a> Controller<'a> {
-    /// For `table`, whose checksum was `checksum` when it was made: if it is not
-    /// now, the controller begins with that fault. `room` is the recorder's.
+    /// A controller for `table`. `checksum` is the table's checksum at the time it was made;
+    /// if the table does not match it, the controller starts with [`Cause::Table`]. `room` is
+    /// the memory of the recorder.
     pub fn new(table: ValidTable, checksum: u32, room: &'a mut [Record]) -> Self {
         let dac = table.safe_codes();
         let mut controller = Self {
@@ -219,7 +232,7 @@ impl<'a> Controller<'a> {
             target: 1.0,
             dac,
             samples: Samples::NONE,
-            watch: Watch::NEW,
+            monitors: Monitors::NEW,
             probe: Probe::NEW,
             strikes: 0,
             injector: None,
@@ -243,19 +256,19 @@ impl<'a> Controller<'a> {
         controller
     }
 
-    /// The table that runs. A board copies it now and then and compares its
-    /// checksum with [`Identity::checksum`]; that takes as long as some tens of
-    /// samples, so neither in the loop nor while the loop waits.
+    /// The table in use. The board copies it regularly and compares the copy's checksum with
+    /// [`Identity::checksum`]. The checksum takes some tens of sample periods, so it must not
+    /// be computed in the loop or while the loop waits.
     pub fn table(&self) -> &ValidTable {
         &self.table
     }
 
-    /// Runs another table from here on, `sent` over the link or compiled in. Nothing
-    /// has been tested under it. Its checksum is looked at with the next
-    /// [`Controller::table`].
+    /// Switches to another table. `sent` says whether it came over the link. The mode is then
+    /// [`Mode::Untested`]. The checksum is not verified here, but with the board's next
+    /// regular check, see [`Controller::table`].
     ///
     /// # Errors
-    /// Where legs are driven or a fault is latched.
+    /// [`Refusal::Mode`] while the legs are driven or a fault is latched.
     pub fn replace(&mut self, table: ValidTable, checksum: u32, sent: bool) -> Result<(), Refusal> {
         if !self.change(Event::Replace) {
             return Err(Refusal::Mode);
@@ -263,32 +276,32 @@ impl<'a> Controller<'a> {
         (self.table, self.checksum, self.sent) = (table, checksum, sent);
         self.stop_injection();
         self.state = None;
-        self.watch = Watch::NEW;
+        self.monitors = Monitors::NEW;
         self.dac = table.safe_codes();
         Ok(())
     }
 
-    /// Whether [`Controller::replace`] would do so now.
+    /// Whether [`Controller::replace`] would accept a table now.
     pub fn is_replaceable(&self) -> bool {
         self.mode.after(Event::Replace).is_some()
     }
 
-    /// What the board found out about its processor.
+    /// Stores the processor's timing and stack use, measured by the board.
     pub fn set_health(&mut self, health: Health) {
         self.health = health;
     }
 
-    /// How the processor does.
+    /// The processor's timing and stack use, as last stored.
     pub fn health(&self) -> Health {
         self.health
     }
 
-    /// The table is not what it was when it was made.
+    /// To be called when the table no longer matches its checksum. This is a fault.
     pub fn table_changed(&mut self) {
         self.fail(Cause::Table);
     }
 
-    /// One sample: the codes to latch.
+    /// Runs one sample and returns the codes to latch.
     pub fn on_sample(&mut self, reading: Reading) -> [DacCode; LEGS] {
         let was_fault = self.mode.is_fault();
         self.late = self.late.saturating_add(u32::from(reading.late));
@@ -297,10 +310,10 @@ impl<'a> Controller<'a> {
                 self.samples = samples;
                 self.sampled(samples, reading.late)
             }
-            // The outputs stay where they are; a fault goes on.
+            // The outputs keep their values; after a fault their ramp continues.
             None => {
                 self.lost = self.lost.saturating_add(1);
-                if let Some(cause) = self.watch.lost(&self.table) {
+                if let Some(cause) = self.monitors.lost(&self.table) {
                     self.fail(cause);
                 }
                 Status::NOTHING
@@ -335,7 +348,7 @@ impl<'a> Controller<'a> {
         self.dac
     }
 
-    /// A sample that was read.
+    /// Runs a sample that was read.
     fn sampled(&mut self, samples: Samples, late: bool) -> Status {
         let mut state = *self
             .state
@@ -345,14 +358,14 @@ impl<'a> Controller<'a> {
         let seen = (output.dac, output.status);
         let calm = self.injector.is_none();
         let cause = self
-            .watch
+            .monitors
             .see(&self.table, self.mode, samples, seen, late, calm);
         let cause = cause.or_else(|| self.probed(samples, output));
         if self.mode.is_loop() && output.status.clamped {
             self.clamped = self.clamped.saturating_add(1);
         }
         match cause {
-            // What the step gave is not given.
+            // The output of the step is discarded.
             Some(cause) => self.fail(cause),
             None if !self.mode.is_fault() => self.dac = output.dac,
             None => {}
@@ -360,7 +373,7 @@ impl<'a> Controller<'a> {
         output.status
     }
 
-    /// What the mode has the legs do.
+    /// Runs the step as the mode requires.
     fn drive(&mut self, state: &mut State, samples: Samples) -> Output {
         match self.mode {
             Mode::Starting | Mode::Closed | Mode::Stopping => {
@@ -376,7 +389,7 @@ impl<'a> Controller<'a> {
                 step(&self.table, state, samples, demand)
             }
             Mode::Testing => {
-                let push = self.probe.push(self.table.get().self_test.open());
+                let push = self.probe.push(Course::open(&self.table.get().self_test));
                 rest(&self.table, state, samples, push)
             }
             Mode::Idle => {
@@ -389,9 +402,9 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// The gain goes towards its target by a factor a sample; on a soft start it
-    /// goes back while the legs push hard, until what makes them do so has died
-    /// out. A soft stop takes the force away, whatever the law's integrals hold.
+    /// Changes the gain towards its target by one factor per sample. A soft start lowers it
+    /// while a leg force is large, until the cause has decayed. A soft stop fades the force,
+    /// whatever the law's integrals hold.
     fn move_gain(&mut self) {
         let ramp = self.table.get().supervision.ramp;
         if self.mode == Mode::Stopping {
@@ -419,8 +432,8 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// A soft start's wait for the machine to come to rest. At its end the AC coupling
-    /// is settled on what the sensors then showed.
+    /// One sample of a soft start's wait for the machine to come to rest. At its end the AC
+    /// coupling starts from the averages of the sensors.
     fn settle(&mut self, state: &mut State) {
         let length = self.table.get().supervision.settle;
         let (count, sums) = &mut self.settling;
@@ -438,32 +451,33 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// The largest force of any leg, of its limit.
+    /// The largest ratio of a leg force to its limit.
     fn push(&self) -> f32 {
         let legs = self.table.get().actuators.iter().zip(self.dac);
         legs.map(|(drive, code)| (drive.force(code) / drive.limit).abs())
             .fold(0.0, f32::max)
     }
 
-    /// The pilot's push: with the loop closed, and nothing else injected.
+    /// The forces of the pilot. None unless the loop is closed and nothing else is injected.
     fn pilot(&self) -> Option<LegForces> {
-        let course = self.table.get().self_test.closed()?;
+        let course = Course::closed(&self.table.get().self_test)?;
         let free = self.mode == Mode::Closed && self.injector.is_none();
         free.then(|| self.probe.push(course))
     }
 
-    /// What self-test or pilot make of a sample and the output to it.
+    /// Passes a sample and its output to the self-test or the pilot, and returns the fault it
+    /// found, if any.
     fn probed(&mut self, samples: Samples, output: Output) -> Option<Cause> {
         let table = self.table.get();
         if self.mode == Mode::Testing {
-            let course = table.self_test.open();
+            let course = Course::open(&table.self_test);
             match self.probe.see(table, course, samples, output.dac)? {
                 Verdict::Failed(cause) => return Some(cause),
                 Verdict::Passed | Verdict::Noisy => self.change(Event::Passed),
             };
             return None;
         }
-        let course = table.self_test.closed()?;
+        let course = Course::closed(&table.self_test)?;
         if self.mode != Mode::Closed {
             return None;
         }
@@ -482,6 +496,7 @@ impl<'a> Controller<'a> {
         None
     }
 
+    /// The forces of the injection, zero without one.
     fn inject(&mut self) -> LegForces {
         let Some(injector) = &mut self.injector else {
             return LegForces::ZERO;
@@ -495,7 +510,7 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// The codes on the way from where they were at the fault to safe.
+    /// The codes of the ramp from the outputs at the time of the fault to the safe codes.
     fn fall(&mut self) -> [DacCode; LEGS] {
         let safe = self.table.safe_codes();
         let (from, since) = &mut self.failing;
@@ -508,7 +523,7 @@ impl<'a> Controller<'a> {
         let whole = i64::from(whole.max(1));
         let codes = core::array::from_fn(|i| {
             let (from, safe) = (i64::from(from[i].0), i64::from(safe[i].0));
-            // Between two codes: fits.
+            // Between two codes, so it fits.
             DacCode((safe + (from - safe) * left / whole) as u16)
         });
         if left == 0 {
@@ -519,7 +534,7 @@ impl<'a> Controller<'a> {
 
     fn fail(&mut self, cause: Cause) {
         if self.change(Event::Fault) {
-            self.fault = Some(Fault { cause, at: self.at });
+            self.fault = Some(LatchedFault { cause, at: self.at });
             self.failing = (self.dac, 0);
             self.stop_injection();
         }
@@ -529,7 +544,7 @@ impl<'a> Controller<'a> {
         self.injector = None;
     }
 
-    /// Whether the event changed, or may be repeated in, the mode.
+    /// Applies an event. False if the mode refuses it.
     fn change(&mut self, event: Event) -> bool {
         let Some(next) = self.mode.after(event) else {
             return false;
@@ -537,7 +552,7 @@ impl<'a> Controller<'a> {
         if next == Mode::Starting {
             (self.gain, self.fade) = (0.0, 1.0);
             self.settling = (0, [0; LEGS]);
-            // The law begins at rest; AC coupling goes on.
+            // The law starts at rest; the AC coupling keeps its state.
             if let Some(state) = &mut self.state {
                 state.start();
             }
@@ -550,10 +565,10 @@ impl<'a> Controller<'a> {
         true
     }
 
-    /// A request for an event of the supervisor.
+    /// Carries out a request for an event: self-test, start, stop or clear.
     ///
     /// # Errors
-    /// Where the mode does not have it.
+    /// [`Refusal::Mode`] if the event is another one, or the mode refuses it.
     pub fn ask(&mut self, event: Event) -> Result<(), Refusal> {
         let asked = matches!(
             event,
@@ -566,15 +581,15 @@ impl<'a> Controller<'a> {
         if event == Event::Clear {
             self.fault = None;
             self.snapshot.clear();
-            self.watch = Watch::NEW;
+            self.monitors = Monitors::NEW;
         }
         Ok(())
     }
 
-    /// Sets the gain that is aimed at, above 0 and up to 1.
+    /// Sets the target of the loop gain, as a fraction of the table's, above 0 and up to 1.
     ///
     /// # Errors
-    /// Where it is not.
+    /// [`Refusal::Range`] if it is outside this range.
     pub fn set_gain(&mut self, gain: f32) -> Result<(), Refusal> {
         if !(gain > 0.0 && gain <= 1.0) {
             return Err(Refusal::Range);
@@ -583,11 +598,11 @@ impl<'a> Controller<'a> {
         Ok(())
     }
 
-    /// Begins an injection, in place of one under way: with the loop closed or
-    /// open, not on the way between.
+    /// Starts an injection and ends a running one.
     ///
     /// # Errors
-    /// Where the mode does not have it or it is not within the table's limits.
+    /// [`Refusal::Mode`] unless the mode is [`Mode::Idle`] or [`Mode::Closed`],
+    /// [`Refusal::Range`] if the injection exceeds the table's limits.
     pub fn start_injection(&mut self, injection: Injection) -> Result<(), Refusal> {
         if !matches!(self.mode, Mode::Idle | Mode::Closed) {
             return Err(Refusal::Mode);
@@ -601,10 +616,11 @@ impl<'a> Controller<'a> {
         Ok(())
     }
 
-    /// Arms the recorder.
+    /// Starts a recording and drops the last one.
     ///
     /// # Errors
-    /// Where there is no room or no such sensor.
+    /// [`Refusal::Range`] if the recording is too long for the memory, has no sample after the
+    /// trigger, or names a sensor that does not exist.
     pub fn arm(&mut self, recording: Recording) -> Result<(), Refusal> {
         if self.recorder.arm(recording) {
             Ok(())
@@ -613,23 +629,23 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// Every so many samples one is put by for the link; 0 for none.
+    /// Queues one sample in `every` for the link; 0 for none. Empties the queue.
     pub fn set_telemetry(&mut self, every: u32) {
         self.every = every;
         self.telemetry.clear();
     }
 
-    /// The oldest telemetry that waits.
+    /// Takes the oldest sample from the telemetry queue.
     pub fn telemetry(&mut self) -> Option<Telemetry> {
         self.telemetry.pop_front()
     }
 
-    /// A good frame came over the link.
+    /// To be called when a valid frame arrived on the link.
     pub fn heard(&mut self) {
-        self.watch.heard();
+        self.monitors.heard();
     }
 
-    /// Record `index` of a finished recording.
+    /// Record `index` of a complete recording, the oldest first.
     pub fn recording(&self, index: usize) -> Option<&Record> {
         self.recorder.get(index)
     }
@@ -642,9 +658,9 @@ impl<'a> Controller<'a> {
             .or_else(|| new.get(index.checked_sub(old.len())?))
     }
 
-    /// How things stand.
-    pub fn report(&self) -> Report {
-        Report {
+    /// Mode, gain, fault and counters.
+    pub fn report(&self) -> ControllerReport {
+        ControllerReport {
             at: self.at,
             mode: self.mode,
             gain: self.gain * self.fade,
@@ -660,7 +676,7 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// What runs here.
+    /// The table in use.
     pub fn identity(&self) -> Identity {
         let table = self.table.get();
         Identity {
@@ -668,7 +684,7 @@ impl<'a> Controller<'a> {
             model: table.model,
             checksum: self.checksum,
             sample_rate: table.sample_rate,
-            // Memory is far smaller.
+            // Fits: memory is far smaller.
             room: self.recorder.room() as u32,
             sent: self.sent,
         }

@@ -1,8 +1,8 @@
 //! Test signals that are added to the leg forces before the clamp.
 //!
-//! Phases are counted in 2³² parts of a turn, so a frequency is exact and a sine
-//! does not drift however long it lasts; all else is `f32`, the same to the bit
-//! on a host and a board.
+//! Phases are integers in units of 2⁻³² turns, so a frequency is exact and a sine does
+//! not drift, however long it runs. Everything else is `f32` and gives the same bits on
+//! the host and on a board.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,60 +10,60 @@ use crate::LEGS;
 use crate::codes::LegForces;
 use crate::table::ValidTable;
 
-/// The most sines in a multisine.
+/// Largest number of sines in a multisine.
 pub const LINES: u32 = 64;
 
-/// The longest injection, samples: ten minutes at 20 kHz.
+/// Longest injection, samples: ten minutes at 20 kHz.
 pub const LONGEST: u32 = 12_000_000;
 
-/// A signal in time, of size 1 but for a multisine.
+/// A test signal of amplitude 1. In a multisine each sine has amplitude 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Signal {
     /// One sine.
     Sine {
-        /// Hz.
+        /// Frequency, Hz.
         hz: f32,
     },
-    /// A sine whose frequency moves in a straight line.
+    /// A sine whose frequency changes linearly in time.
     Sweep {
-        /// At the start, Hz.
+        /// Frequency at the start, Hz.
         from: f32,
-        /// At the end, Hz.
+        /// Frequency at the end, Hz.
         to: f32,
     },
-    /// `count` sines of size 1 at (first + k·apart)/period per sample, with
-    /// Schroeder's phases, which keep their sum low.
+    /// `count` sines of amplitude 1. Sine k, from 0, has first + k·apart turns per period
+    /// and Schroeder's phase −π·k²/count, which keeps the peak of the sum low.
     Multisine {
-        /// Samples after which all repeats.
+        /// Period of the signal, samples.
         period: u32,
-        /// The first sine's turns in a period.
+        /// Turns of the first sine per period.
         first: u32,
-        /// Turns from one sine to the next.
+        /// Difference in turns per period from each sine to the next.
         apart: u32,
-        /// How many, up to [`LINES`].
+        /// Number of sines, 1 to [`LINES`].
         count: u32,
     },
-    /// White, even between −1 and 1.
+    /// White noise, uniformly distributed from −1 to 1.
     Noise {
-        /// The same seed gives the same noise.
+        /// Seed of the generator. The same seed gives the same noise.
         seed: u32,
     },
 }
 
-/// What to inject.
+/// A test signal on the legs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Injection {
-    /// The signal.
+    /// The signal over time.
     pub signal: Signal,
-    /// Its size in each leg, N, positive as a push.
+    /// Amplitude in each leg, N. A positive force pushes the frame away from its foot.
     pub legs: [f32; LEGS],
-    /// How long, samples.
+    /// Duration, samples, 1 to [`LONGEST`].
     pub samples: u32,
 }
 
 impl Injection {
-    /// Whether it stays within the table's limits: lengths, frequencies up to half
-    /// the sample rate, and at no moment more than a leg may push.
+    /// Whether the injection is allowed under `table`: a duration up to [`LONGEST`],
+    /// frequencies up to half the sample rate, and a peak within each leg's force limit.
     pub fn is_within(&self, table: &ValidTable) -> bool {
         let table = table.get();
         let highest = 0.5 * table.sample_rate;
@@ -87,31 +87,31 @@ impl Injection {
             Signal::Noise { .. } => (true, 1.0),
         };
         let sizes = self.legs.iter().zip(&table.actuators);
-        // A NaN is within nothing.
+        // False for NaN.
         let mut within = sizes.map(|(size, drive)| size.abs() * peak <= drive.limit);
         signal && within.all(|within| within) && (1..=LONGEST).contains(&self.samples)
     }
 }
 
-/// An injection under way.
+/// A running injection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Injector {
     injection: Injection,
-    /// Of the next sample, from 0.
+    /// Number of the next sample, from 0.
     at: u32,
-    /// Of a sine or sweep; the state of the noise.
+    /// Phase of a sine or sweep, 2⁻³² turns; state of the noise generator.
     phase: u32,
-    /// A sine's or sweep's phase step now, and what a sweep adds to it, in 2³²
-    /// parts of it.
+    /// Phase advance of a sine or sweep in the next sample, 2⁻⁶⁴ turns.
     step: u64,
+    /// Change of `step` per sample.
     slope: i64,
 }
 
 impl Injector {
-    /// From its first sample on, under `table`.
+    /// Starts `injection` at its first sample, at the sample rate of `table`.
     pub fn new(table: &ValidTable, injection: Injection) -> Self {
         let rate = table.get().sample_rate;
-        // Up to half a turn.
+        // At most half a turn.
         let step = |hz: f32| phase_step(hz, rate);
         let (phase, from, to) = match injection.signal {
             Signal::Sine { hz } => (0, step(hz), step(hz)),
@@ -130,12 +130,12 @@ impl Injector {
         }
     }
 
-    /// Samples still to come.
+    /// Remaining samples.
     pub fn left(&self) -> u32 {
         self.injection.samples.saturating_sub(self.at)
     }
 
-    /// The next sample's forces; none when it is over.
+    /// The forces of the next sample. None at the end of the injection.
     pub fn advance(&mut self) -> Option<LegForces> {
         if self.at >= self.injection.samples {
             return None;
@@ -160,7 +160,7 @@ impl Injector {
                 x ^= x >> 17;
                 x ^= x << 5;
                 self.phase = x;
-                // Its upper 24 bits fit an f32.
+                // The upper 24 bits are exact in an f32.
                 (x >> 8) as f32 / 8_388_608.0 - 1.0
             }
         };
@@ -169,9 +169,9 @@ impl Injector {
     }
 }
 
-/// Turns per sample, in 2³² parts.
+/// Phase advance per sample of a sine of `hz` at sample rate `rate`, Hz, in 2⁻³² turns.
 pub fn phase_step(hz: f32, rate: f32) -> u32 {
-    // A cast holds what does not fit at the ends.
+    // The cast saturates.
     (hz / rate * 4_294_967_296.0) as u32
 }
 
@@ -181,7 +181,7 @@ fn multisine(at: u32, period: u32, first: u32, apart: u32, count: u32) -> f32 {
     let mut sum = 0.0;
     for k in 0..count.min(LINES) {
         let turns = u64::from(first) + u64::from(k) * u64::from(apart);
-        // Schroeder: −π·k²/N, here as turns back.
+        // Schroeder's phase −π·k²/count, as turns to subtract.
         let schroeder = turn(u64::from(k) * u64::from(k), 2 * u64::from(count.max(1)));
         let phase = turn(turns * (u64::from(at) % period), period);
         sum += sine(phase.wrapping_sub(schroeder));
@@ -189,15 +189,15 @@ fn multisine(at: u32, period: u32, first: u32, apart: u32, count: u32) -> f32 {
     sum
 }
 
-/// sin(2π·phase/2³²), to 2e-7.
+/// sin(2π·phase/2³²), with an error below 3e-7.
 pub fn sine(phase: u32) -> f32 {
-    // Signed turns, −½ to ½, folded to −¼ to ¼.
+    // Signed phase, −½ to ½ turn, folded to −¼ to ¼ turn.
     let mut x = phase.cast_signed();
     if !(-0x4000_0000..=0x4000_0000).contains(&x) {
         x = 0x8000_0000_u32.wrapping_sub(phase).cast_signed();
     }
     let x = x as f32 * (core::f32::consts::TAU / 4_294_967_296.0);
-    // Taylor's series to x¹¹, whose rest at π/2 is 6e-8.
+    // Taylor series up to x¹¹; the remainder at π/2 is 6e-8.
     let square = x * x;
     let terms = [
         -1.0 / 39_916_800.0,

@@ -1,5 +1,5 @@
-//! What the host and the firmware must agree on, to the bit: the converter
-//! codes, the controller table and the controller step.
+//! What host and firmware must agree on to the bit: converter codes, controller table,
+//! controller step, supervisor and link.
 //!
 //! ```text
 //! AdcCode ─ calibration ─ AC coupling ─ roll-off ─ PI (6×6) ─ clamp ─ DacCode
@@ -7,40 +7,57 @@
 //!                                           injection, N
 //! ```
 //!
+//! # Rooms
+//!
+//! Each module imports only from modules above it in this table:
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | [`codes`] | converter codes, and their conversion to and from V, m/s² and N |
+//! | [`table`] | every number that configures a board, its validation and its encoding |
+//! | [`step`] | the controller step, from ADC codes to DAC codes |
+//! | [`injection`] | test signals added to the leg forces |
+//! | [`supervisor`] | modes, the events that change them, faults |
+//! | `monitors` | faults of sensors, outputs and the board, found in every sample |
+//! | [`self_test`] | self-test and pilot: the answers of the sensors to each leg |
+//! | [`recorder`] | a ring buffer of samples at full rate |
+//! | [`controller`] | all of these together, as a board or the simulation runs them |
+//! | [`link`] | requests to a controller, and its replies, as frames |
+//!
 //! # Signs
 //!
-//! * A leg force σ is positive when it pushes the frame away from its foot, so
-//!   that σ does positive work on the elongation `e1` and B_0 = I (Eq. 13).
-//! * A force sensor reads the whole leg force in the same direction: the
-//!   actuator's force less what the elongated leg pulls back, σ − (EA/L)·e1
-//!   (Eq. 11).
+//! * A leg force σ is positive when it pushes the frame away from its foot. So a positive σ
+//!   does positive work on a growing elongation `e1`, and B_0 = I, Eq. (13).
+//! * A force sensor reads the whole leg force in the same direction: the actuator's force
+//!   minus the force with which the elongated leg pulls back, σ − (EA/L)·e1, Eq. (11).
 //! * An accelerometer reads the absolute acceleration along its direction.
-//! * The controller subtracts: σ = −(K_a·y + K_v·∫y) (Eqs. 14, 21, 22).
+//! * The controller subtracts: σ = −(K_a·y + K_v·∫y), Eq. (14), Eq. (21), Eq. (22).
 //!
 //! Equation numbers are those of J. van Dijk, "Mechatronic Design of
 //! Hard-Mount Concepts for Precision Equipment".
 //!
 //! # Numbers
 //!
-//! Everything is `f32`, multiply then add, in one written order. Rust never
-//! contracts that into a fused multiply-add, and the `VMLA` that a Cortex-M
-//! uses for it rounds twice as well, so a host and a board give the same bits.
+//! Everything is `f32`: a multiplication, then an addition, always in the written order.
+//! Rust never contracts the two into a fused multiply-add, and the `VMLA` instruction that a
+//! Cortex-M uses for them also rounds twice. So a host and a board compute the same bits.
 #![no_std]
 #![forbid(unsafe_code)]
 
+// In the order of the table above; `tests/rooms.rs` checks it.
 pub mod codes;
-pub mod controller;
-pub mod injection;
-pub mod link;
-pub mod recorder;
-pub mod self_test;
-pub mod step;
-pub mod supervisor;
 pub mod table;
-mod watch;
+pub mod step;
+pub mod injection;
+pub mod supervisor;
+mod monitors;
+pub mod self_test;
+pub mod recorder;
+pub mod controller;
+pub mod link;
 
-/// CRC-32 (ISO-HDLC), of frames and of tables.
+/// CRC-32 (ISO-HDLC), used for frames and tables.
 const CRC_32: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// Legs, and with them sensors and actuators of the controller.
+/// Number of legs. It is also the number of sensors and of actuators in the loop.
 pub const LEGS: usize = 6;

@@ -1,16 +1,16 @@
-//! The last samples at full rate: a ring that stops some time after a trigger.
+//! A recorder of samples at full rate: a ring buffer that stops after a trigger.
 
 use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{AdcCode, DacCode, Samples};
 
-/// One sample: what was read and what was given.
+/// One sample: the codes read and the codes put out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Record {
-    /// Read.
+    /// The ADC codes.
     pub adc: Samples,
-    /// Given after it.
+    /// The DAC codes put out in answer.
     pub dac: [DacCode; LEGS],
 }
 
@@ -22,63 +22,64 @@ impl Record {
     };
 }
 
-/// What stops a recording.
+/// The event that triggers a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Trigger {
-    /// Being armed.
+    /// The next sample.
     Now,
     /// A fault.
     Fault,
     /// The first sample of an injection.
     Injection,
-    /// A sensor's code, 0 to 5, or that of a force sensor beside them, 6 to 11,
-    /// rises past a level.
+    /// The first sample in which a sensor's code rises above a level.
     Rise {
-        /// Which.
+        /// The sensor, 0 to 5, or the force sensor of a
+        /// [`Complement`](crate::table::Complement), 6 to 11.
         sensor: u8,
-        /// Code.
+        /// The level. The code before must be at or below it, the new one above.
         level: AdcCode,
     },
 }
 
-/// What to record.
+/// A request for a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Recording {
-    /// When.
+    /// The event that the recording is centred on.
     pub trigger: Trigger,
-    /// Samples from before the trigger, which are kept as far as there are any.
+    /// Number of samples to keep from before the trigger; fewer if the trigger comes
+    /// earlier.
     pub before: u32,
-    /// Samples from the trigger on, at least 1.
+    /// Number of samples to record from the trigger on, at least 1.
     pub after: u32,
 }
 
-/// How a recording stands.
+/// The progress of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Recorded {
-    /// None is asked for.
+    /// No recording was requested.
     Off,
-    /// The trigger has not come.
+    /// The recorder waits for the trigger.
     Waiting,
-    /// It has.
+    /// The trigger has occurred, and the samples after it are being recorded.
     Running,
-    /// So many records are there, of which so many are from before the trigger.
+    /// The recording is complete.
     Done {
-        /// Records.
+        /// Number of records.
         length: u32,
-        /// From before the trigger.
+        /// Number of records from before the trigger.
         before: u32,
-        /// The trigger's sample, since power came.
+        /// Sample of the trigger, since power-up.
         at: u64,
     },
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum RecorderState {
     Off,
     Waiting(Recording),
     Running {
         recording: Recording,
-        /// Samples still to come.
+        /// Remaining samples.
         left: u32,
         at: u64,
     },
@@ -89,31 +90,32 @@ enum State {
     },
 }
 
-/// A recorder in as much memory as it is given.
+/// A recorder in memory given by the caller.
 #[derive(Debug)]
 pub struct Recorder<'a> {
     ring: &'a mut [Record],
-    /// Where the next record goes.
+    /// Index of the next record to write.
     next: usize,
-    /// Records that are there.
+    /// Number of records written since the recorder was armed, up to the ring's length.
     filled: usize,
-    state: State,
+    state: RecorderState,
+    /// The previous sample, while waiting.
     last: Option<Samples>,
 }
 
 impl<'a> Recorder<'a> {
-    /// With nothing in it.
+    /// An idle recorder with the memory `room`.
     pub fn new(room: &'a mut [Record]) -> Self {
         Self {
             ring: room,
             next: 0,
             filled: 0,
-            state: State::Off,
+            state: RecorderState::Off,
             last: None,
         }
     }
 
-    /// How many records there is room for.
+    /// Number of records that fit into the memory.
     pub fn room(&self) -> usize {
         self.ring.len()
     }
@@ -129,8 +131,9 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Begins anew. False, and nothing changes, if there is no room or the sensor
-    /// is none.
+    /// Starts a new recording and drops the last one. Returns false and changes nothing if
+    /// the recording is too long for the memory, has no sample after the trigger, or names a
+    /// sensor that does not exist.
     pub fn arm(&mut self, recording: Recording) -> bool {
         let Recording {
             trigger,
@@ -145,14 +148,15 @@ impl<'a> Recorder<'a> {
         if room && sensor {
             (self.next, self.filled) = (0, 0);
             self.last = None;
-            self.state = State::Waiting(recording);
+            self.state = RecorderState::Waiting(recording);
         }
         room && sensor
     }
 
-    /// Sample `at`; `fault` and `injection` if they begin with it.
+    /// Takes the record of sample `at`. `fault` and `injection` say whether one begins with
+    /// this sample.
     pub fn push(&mut self, at: u64, record: Record, fault: bool, injection: bool) {
-        if let State::Waiting(recording) = self.state {
+        if let RecorderState::Waiting(recording) = self.state {
             let triggered = match recording.trigger {
                 Trigger::Now => true,
                 Trigger::Fault => fault,
@@ -167,7 +171,7 @@ impl<'a> Recorder<'a> {
                 }
             };
             if triggered {
-                self.state = State::Running {
+                self.state = RecorderState::Running {
                     recording,
                     left: recording.after,
                     at,
@@ -176,9 +180,9 @@ impl<'a> Recorder<'a> {
             self.last = Some(record.adc);
         }
         match self.state {
-            State::Off | State::Done { .. } => {}
-            State::Waiting(_) => self.write(record),
-            State::Running {
+            RecorderState::Off | RecorderState::Done { .. } => {}
+            RecorderState::Waiting(_) => self.write(record),
+            RecorderState::Running {
                 recording,
                 left,
                 at,
@@ -186,7 +190,7 @@ impl<'a> Recorder<'a> {
                 self.write(record);
                 let after = recording.after as usize;
                 self.state = if left > 1 {
-                    State::Running {
+                    RecorderState::Running {
                         recording,
                         left: left - 1,
                         at,
@@ -194,7 +198,7 @@ impl<'a> Recorder<'a> {
                 } else {
                     let there = self.filled.saturating_sub(after);
                     let before = there.min(recording.before as usize);
-                    State::Done {
+                    RecorderState::Done {
                         length: before + after,
                         before,
                         at,
@@ -204,14 +208,14 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// How it stands.
+    /// The progress of the recording.
     pub fn recorded(&self) -> Recorded {
         match self.state {
-            State::Off => Recorded::Off,
-            State::Waiting(_) => Recorded::Waiting,
-            State::Running { .. } => Recorded::Running,
-            // Their sum is within a recording's u32s.
-            State::Done { length, before, at } => Recorded::Done {
+            RecorderState::Off => Recorded::Off,
+            RecorderState::Waiting(_) => Recorded::Waiting,
+            RecorderState::Running { .. } => Recorded::Running,
+            // Both come from the u32 of a recording.
+            RecorderState::Done { length, before, at } => Recorded::Done {
                 length: length as u32,
                 before: before as u32,
                 at,
@@ -219,12 +223,12 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Record `index` of a finished recording, the oldest first.
+    /// Record `index` of a complete recording, the oldest first.
     pub fn get(&self, index: usize) -> Option<&Record> {
-        let State::Done { length, .. } = self.state else {
+        let RecorderState::Done { length, .. } = self.state else {
             return None;
         };
-        // From the newest back; a ring that is not full begins at 0.
+        // Counted back from the newest. A ring that is not full starts at 0.
         let back = length.checked_sub(index).filter(|back| *back > 0)?;
         let at = match self.next.checked_sub(back) {
             Some(at) => at,

@@ -1,34 +1,19 @@
-//! The self-test and the pilot: each leg in turn pushes a small sine, and what
-//! every sensor answers at that frequency is compared with what the model says. A
-//! sensor that is dead, inverted, swapped with another or of the wrong gain shows,
-//! and so does a leg.
+//! The self-test and the pilot. Each leg in turn gets a small sine, and the answer of
+//! every sensor at that frequency is compared with the model's. This reveals a sensor that
+//! is dead, inverted, swapped with another or of the wrong gain, and a faulty leg.
 //!
-//! With Y what the sensors show at that frequency and U what all legs were given,
-//! Y = P·U whether the loop is open or closed. So the same plant P serves the
-//! self-test before the loop is closed and the pilot, far smaller and longer, while
-//! it is.
-
-use serde::{Deserialize, Serialize};
+//! With Y the phasors of the sensors at that frequency and U those of the forces of all
+//! legs, Y = P·U whether the loop is open or closed. So the same plant P serves the
+//! self-test before the loop is closed, and the pilot while it is closed. The pilot's sine
+//! is far smaller and its measurements are longer.
 
 use crate::LEGS;
 use crate::codes::{Calibration, DacCode, LegForces, Samples};
 use crate::injection::sine;
 use crate::supervisor::Cause;
-use crate::table::{Table, TableError};
-
-/// A complex gain, unit of the sensor per N.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Phasor {
-    /// In phase.
-    pub re: f32,
-    /// A quarter of a turn ahead.
-    pub im: f32,
-}
+use crate::table::{Phasor, SelfTest, Table};
 
 impl Phasor {
-    /// Nothing.
-    pub const ZERO: Self = Self { re: 0.0, im: 0.0 };
-
     fn times(self, other: Self) -> Self {
         Self {
             re: self.re * other.re - self.im * other.im,
@@ -48,154 +33,109 @@ impl Phasor {
     }
 }
 
-/// What is asked and what must be answered.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SelfTest {
-    /// The sine's turns per sample, in 2³² parts.
-    pub step: u32,
-    /// Its size in the self-test, N.
-    pub amplitude: f32,
-    /// Samples before a leg is measured: the swing of its first push dies out.
-    pub settle: u32,
-    /// Samples that the self-test measures a leg.
-    pub measure: u32,
-    /// The sine's size with the loop closed, N; 0 for no pilot.
-    pub pilot: f32,
-    /// Samples that the pilot measures a leg.
-    pub watch: u32,
-    /// How far an answer may be off, of what it should be: root of the sum of
-    /// squares over all legs for a sensor, over the sensors of a kind for a leg.
-    pub tolerance: f32,
-    /// By leg: each sensor's answer.
-    pub sensors: [[Phasor; LEGS]; LEGS],
-    /// By leg: that of each force sensor beside them.
-    pub forces: [[Phasor; LEGS]; LEGS],
-}
-
-/// How the legs are probed.
+/// How a [`Probe`] tests the legs: as the self-test or as the pilot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Course {
+    /// Amplitude of the sine, N.
     amplitude: f32,
+    /// Time each leg is measured, samples.
     measure: u32,
-    /// At the end the noise is measured as a leg is.
+    /// Whether the noise is measured after the last leg, with no leg driven.
     listens: bool,
 }
 
-impl SelfTest {
-    /// With the loop open.
-    pub const fn open(&self) -> Course {
-        Course {
-            amplitude: self.amplitude,
-            measure: self.measure,
+impl Course {
+    /// The self-test, with the loop open.
+    pub const fn open(test: &SelfTest) -> Self {
+        Self {
+            amplitude: test.amplitude,
+            measure: test.measure,
             listens: false,
         }
     }
 
-    /// With the loop closed; none without a pilot.
-    pub const fn closed(&self) -> Option<Course> {
-        if self.pilot > 0.0 {
-            Some(Course {
-                amplitude: self.pilot,
-                measure: self.watch,
+    /// The pilot, with the loop closed. None if `test` has no pilot.
+    pub const fn closed(test: &SelfTest) -> Option<Self> {
+        if test.pilot > 0.0 {
+            Some(Self {
+                amplitude: test.pilot,
+                measure: test.watch,
                 listens: true,
             })
         } else {
             None
         }
     }
-
-    /// Samples that the self-test takes.
-    pub const fn length(&self) -> u64 {
-        LEGS as u64 * (self.settle as u64 + self.measure as u64)
-    }
-
-    pub(crate) const fn validate(&self) -> Result<(), TableError> {
-        let mut finite = true;
-        let mut i = 0;
-        while i < LEGS * LEGS {
-            let (leg, sensor) = (i / LEGS, i % LEGS);
-            let (a, b) = (&self.sensors[leg][sensor], &self.forces[leg][sensor]);
-            finite = finite && a.re.is_finite() && a.im.is_finite();
-            finite = finite && b.re.is_finite() && b.im.is_finite();
-            i += 1;
-        }
-        let sizes = self.amplitude > 0.0
-            && self.amplitude.is_finite()
-            && self.pilot >= 0.0
-            && self.pilot.is_finite();
-        // Longer than it takes to conclude a leg, a sensor a sample.
-        let lengths = self.step > 0 && self.measure >= 16 && self.watch >= 16;
-        if finite && sizes && lengths && self.tolerance > 0.0 {
-            Ok(())
-        } else {
-            Err(TableError::SelfTest)
-        }
-    }
 }
 
-/// What a leg's window has shown: by kind and sensor, units; by leg, N.
+/// Phasors at the sine's frequency, measured over one leg's window.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Window {
+struct LockIn {
+    /// Sensor values, `shown[kind][sensor]`, sensor units.
     shown: [[Phasor; LEGS]; 2],
+    /// Forces of the legs, N.
     given: [Phasor; LEGS],
 }
 
-impl Window {
+impl LockIn {
     const EMPTY: Self = Self {
         shown: [[Phasor::ZERO; LEGS]; 2],
         given: [Phasor::ZERO; LEGS],
     };
 }
 
-/// A probe of all legs under way.
+/// A running test of all legs, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// The leg that pushes; one past the last while it listens, or waits for the
+    /// The leg with the sine. One past the last while the noise is measured, or until the
     /// verdict.
     leg: usize,
+    /// Samples since the start of this leg.
     at: u32,
+    /// Phase of the sine, 2⁻³² turns.
     phase: u32,
-    window: Window,
-    /// The last one that ended, and how many of its sensors were looked at: one a
-    /// sample, for all at once would be the longest sample of all.
-    ended: Window,
+    /// The current measurement.
+    window: LockIn,
+    /// The previous measurement.
+    ended: LockIn,
+    /// Number of its sensors that were evaluated. One per sample, because all at once would
+    /// make this the longest sample.
     stage: usize,
-    /// By kind, squared: how far it was off, and what it should have been.
+    /// Sums over the sensors of each kind: squared errors, and squared expected answers.
     off: [(f32, f32); 2],
-    /// Over all legs, squared: by sensor how far its answers were off, and what they
-    /// should have been.
+    /// Sums over the legs for each sensor: squared errors, and squared expected answers.
     sensors: [(f32, f32); 2 * LEGS],
-    /// By leg: the larger of the kinds' squared errors, of what it should be, and by
-    /// kind what that was.
+    /// For each leg: the larger of the two kinds' relative squared errors, and each kind's
+    /// sum of squared expected answers.
     legs: [(f32, [f32; 2]); LEGS],
 }
 
-/// What came of a probe.
+/// The result of a [`Probe`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
-    /// All is well.
+    /// All answers were within the tolerance.
     Passed,
-    /// It is not.
+    /// Answers were outside the tolerance; the sensors or legs at fault.
     Failed(Cause),
-    /// There was too much noise to tell.
+    /// The noise was too high for a result.
     Noisy,
 }
 
 impl Probe {
-    /// From the start.
+    /// Before the first sample.
     pub const NEW: Self = Self {
         leg: 0,
         at: 0,
         phase: 0,
-        window: Window::EMPTY,
-        ended: Window::EMPTY,
+        window: LockIn::EMPTY,
+        ended: LockIn::EMPTY,
         stage: usize::MAX,
         off: [(0.0, 0.0); 2],
         sensors: [(0.0, 0.0); 2 * LEGS],
         legs: [(0.0, [0.0; 2]); LEGS],
     };
 
-    /// The forces of this sample.
+    /// The forces of this sample, N.
     pub fn push(&self, course: Course) -> LegForces {
         let mut push = LegForces::ZERO;
         if let Some(force) = push.0.get_mut(self.leg) {
@@ -204,8 +144,8 @@ impl Probe {
         push
     }
 
-    /// One sample: what the sensors read, and then the legs were given. At the end
-    /// of all, what came of it; the next sample begins anew.
+    /// Takes one sample: the codes of the sensors, and the output of the legs that followed.
+    /// Returns the result after the last leg, and starts again with the next sample.
     pub fn see(
         &mut self,
         table: &Table,
@@ -224,7 +164,7 @@ impl Probe {
             if self.at >= test.settle.saturating_add(course.measure) {
                 self.leg += 1;
                 (self.at, self.phase) = (0, 0);
-                self.ended = core::mem::replace(&mut self.window, Window::EMPTY);
+                self.ended = core::mem::replace(&mut self.window, LockIn::EMPTY);
                 (self.stage, self.off) = (0, [(0.0, 0.0); 2]);
                 return None;
             }
@@ -249,13 +189,12 @@ impl Probe {
         None
     }
 
-    /// Lock-in: the conjugate of the sine's phasor, in a Hann window, which keeps
-    /// out what is at other frequencies.
+    /// Lock-in detection with a Hann window, which suppresses other frequencies.
     fn add(&mut self, table: &Table, course: Course, samples: Samples, dac: [DacCode; LEGS]) {
         let measure = course.measure.max(1);
-        // Half a turn of squared sine: (1 − cos)/2.
+        // Position in the window, one turn long. The window is 1 − cos, of mean 1.
         let turn = (u64::from(self.at - table.self_test.settle) << 32) / u64::from(measure);
-        // Less than a whole one.
+        // Less than a whole turn.
         let turn = turn as u32;
         let window = 1.0 - sine(turn.wrapping_add(1 << 30));
         let scale = 2.0 * window / measure as f32;
@@ -284,7 +223,7 @@ impl Probe {
         }
     }
 
-    /// One sensor in the window that has ended.
+    /// Evaluates one sensor of the previous measurement.
     fn look(&mut self, table: &Table, sensor: usize) {
         let (kind, i) = (sensor / LEGS, sensor % LEGS);
         if kind > 0 && table.complement().is_none() {
@@ -312,18 +251,18 @@ impl Probe {
         let error = shown.minus(expected).square();
         let whole = expected.square();
         *off = (off.0 + error, off.1 + whole);
-        // The window before this one's leg; what is only listened to is nobody's.
+        // Only measurements with a sine count: the noise belongs to no sensor.
         if self.leg <= LEGS {
             *sums = (sums.0 + error, sums.1 + whole);
         }
     }
 
-    /// All sensors of a window were looked at.
+    /// Evaluates the leg of the previous measurement, after all of its sensors.
     fn close(&mut self) {
         let pushed = self.leg.checked_sub(1);
         if let Some(leg) = pushed.and_then(|leg| self.legs.get_mut(leg)) {
             let worst = self.off.map(|(error, whole)| {
-                // No such kind.
+                // The table has no sensors of this kind.
                 if error == 0.0 && whole == 0.0 {
                     0.0
                 } else {
@@ -339,13 +278,13 @@ impl Probe {
         for (kind, noise) in noise.into_iter().enumerate() {
             let answers = self.legs.iter().map(|(_, wholes)| wholes[kind]);
             let weakest = answers.fold(f32::MAX, f32::min);
-            // Half of what would be told as a fault.
+            // The noise alone is half of the error that would be a fault.
             if noise > 0.25 * square * weakest {
                 return Verdict::Noisy;
             }
         }
         let sensors = self.sensors.map(|(error, whole)| {
-            // No such sensor.
+            // The table has no such sensor.
             if whole == 0.0 && error == 0.0 {
                 0.0
             } else {
@@ -358,8 +297,8 @@ impl Probe {
         if by_sensor <= square && by_leg <= square {
             return Verdict::Passed;
         }
-        // With the loop closed every leg answers what one does wrong; theirs is the
-        // smaller part.
+        // With the loop closed the error of one leg or sensor appears in all others, but
+        // smaller.
         let bits = |errors: &[f32], worst: f32| {
             let mut bits = 0u16;
             for (i, error) in errors.iter().enumerate() {
@@ -369,8 +308,8 @@ impl Probe {
             }
             bits
         };
-        // A dead sensor is off by all it should give and every leg a little, and
-        // the other way round.
+        // A dead sensor has a relative error of 1 and causes a small error in every leg; a
+        // dead leg the other way round.
         Verdict::Failed(if by_sensor >= by_leg {
             Cause::TestSensors(bits(&sensors, by_sensor))
         } else {
@@ -379,7 +318,7 @@ impl Probe {
     }
 }
 
-/// A NaN is as far off as can be.
+/// The relative error. NaN counts as the largest possible error.
 fn over(error: f32, whole: f32) -> f32 {
     let ratio = error / whole;
     if ratio.is_nan() { f32::MAX } else { ratio }

@@ -1,42 +1,40 @@
 //! The controller step: raw ADC codes in, raw DAC codes out.
 //!
-//! Per sample, with y the calibrated sensor values:
+//! Each sample starts with the AC coupling of the calibrated sensor values y. No average
+//! h follows a deviation beyond the limit [`Table::ac_limit`]:
 //!
 //! ```text
-//! v   = y − h1      h1 += c_ac·v                AC coupling, twice; neither
-//! w   = v − h2      h2 += c_ac·w                average follows more than a limit
+//! v   = y − h1      h1 += c_ac·bounded(v)       first high-pass
+//! w   = v − h2      h2 += c_ac·bounded(w)       second high-pass
 //! ```
 //!
-//! then, through the matrices of Eq. (14),
+//! A direct law then applies the matrices of Eq. (14):
 //!
 //! ```text
 //! r  += c_ro·(w − r)                            roll-off
 //! x  += −leak·x + K_i·(r + r_before)            leaky trapezoidal integral, N
-//! u   = injection − x − K_p·r                   Eqs. (14), (21), (22)
+//! u   = injection − x − K_p·r                   Eq. (14), Eq. (21), Eq. (22)
 //! ```
 //!
-//! or through the modes,
+//! A modal law goes through the modes, one channel each:
 //!
 //! ```text
-//! r   = sections(T_in·w)                        by channel; with force sensors
-//!                                               beside them see [`Complement`]
+//! r   = sections(T_in·w)                        with both kinds of sensors, T_in·w is
+//!                                               first blended: see [`Complement`]
 //! x  += −leak·x + k_i·(r + r_before)            N/√kg
 //! u   = injection + T_out·(−x − k_p·r)
 //! ```
 //!
-//! with the gains, and what the law gives, times the factors of [`Demand`],
-//!
-//! and at last
+//! [`Demand`] scales the gains and the force of the law. The clamp comes last:
 //!
 //! ```text
-//! σ   = α·u,  α = min(1, limit_i/|u_i|)         clamp that keeps the direction
-//! x  += anti_windup·(u − σ)                     only where α < 1; by mode with
-//!                                               what the channel itself asks
+//! σ   = α·u,  α = min(1, limit_i/|u_i|)         keeps the direction of the force
+//! x  += anti_windup·(u − σ)                     only where α < 1; a modal law uses
+//!                                               (1 − α) times each channel's own force
 //! ```
 //!
-//! Configuration ([`ValidTable`]) is immutable and apart from [`State`].
-//! Nothing here can fail or panic; what the supervisor must know is in
-//! [`Status`].
+//! The configuration ([`ValidTable`]) is immutable and separate from the [`State`].
+//! Nothing here can fail or panic. What the supervisor needs to know is in [`Status`].
 
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
@@ -45,32 +43,33 @@ use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, LegForces, Samples};
 use crate::table::{Complement, Direct, Law, Modal, Paths, SECTIONS, Section, Table, ValidTable};
 
-type Six = [f32; LEGS];
+/// Six values: one per sensor, leg or mode.
+pub type Values = [f32; LEGS];
 
-/// What the controller remembers between samples.
+/// The state of the step between samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// The two AC-coupling averages, sensor units.
-    averages: [Six; 2],
+    /// The two averages of the AC coupling, sensor units.
+    averages: [Values; 2],
     law: LawState,
 }
 
-/// The memory of [`force`].
+/// The state of the control law, [`force`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LawState {
-    /// By mode, what accelerometers show at low frequency that force sensors do
-    /// not, √kg·m/s².
-    difference: Six,
-    /// By section and then by channel, x1 and x2.
-    sections: [[Six; 2]; SECTIONS],
-    /// The shaped sample before: of a sensor, or of a mode.
-    before: Six,
-    /// The integral part of the force: of a leg, N, or of a mode, N/√kg.
-    integral: Six,
+    /// Per mode, the low-passed difference between the modal acceleration and the modal
+    /// force: d of [`Complement`], √kg·m/s².
+    difference: Values,
+    /// x1 and x2 of each section, `sections[section][x][channel]`.
+    sections: [[Values; 2]; SECTIONS],
+    /// The previous shaped sample of each sensor (direct) or mode (modal).
+    before: Values,
+    /// The integral part of the force of each leg, N (direct), or mode, N/√kg (modal).
+    integral: Values,
 }
 
 impl LawState {
-    /// At rest.
+    /// All zero.
     pub const REST: Self = Self {
         difference: [0.0; LEGS],
         sections: [[[0.0; LEGS]; 2]; SECTIONS],
@@ -80,8 +79,8 @@ impl LawState {
 }
 
 impl State {
-    /// At rest, with AC coupling and [`Complement`] settled on `adc`: a sensor's
-    /// offset gives no kick when the loop starts.
+    /// A law at rest, with AC coupling and [`Complement`] in steady state for constant
+    /// codes `adc`: offsets of the sensors cause no transient when the loop starts.
     pub fn settled_on(table: &ValidTable, adc: Samples) -> Self {
         let t = table.get();
         let mut averages = [[0.0; LEGS]; 2];
@@ -96,7 +95,7 @@ impl State {
         Self { averages, law }
     }
 
-    /// Puts the law at rest; AC coupling and [`Complement`] go on.
+    /// Resets the law. AC coupling and [`Complement`] keep their state.
     pub fn start(&mut self) {
         let difference = self.law.difference;
         self.law = LawState {
@@ -105,8 +104,8 @@ impl State {
         };
     }
 
-    /// Settles the AC coupling on the mean of so many samples, whose codes sum to
-    /// `sums`, and puts the law at rest.
+    /// Sets the AC coupling to its steady state for the mean of `count` samples, whose
+    /// codes sum to `sums`, and resets the law.
     pub fn settle(&mut self, table: &ValidTable, sums: [i64; LEGS], count: u32) {
         let t = table.get();
         if t.ac_coupling > 0.0 && count > 0 {
@@ -119,9 +118,9 @@ impl State {
         self.start();
     }
 
-    /// Whether every number in it is finite.
+    /// Whether every number of the state is finite.
     pub fn is_finite(&self) -> bool {
-        let finite = |six: &Six| six.iter().all(|x| x.is_finite());
+        let finite = |six: &Values| six.iter().all(|x| x.is_finite());
         self.averages.iter().all(finite)
             && finite(&self.law.difference)
             && self.law.sections.as_flattened().iter().all(finite)
@@ -130,34 +129,35 @@ impl State {
     }
 }
 
-/// What the step saw.
+/// What one step observed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Status {
-    /// Bit i: sensor i's code was at an end of the ADC's range.
+    /// Bit i is set if the code of sensor i was at an end of the ADC's range.
     pub sensors_at_rail: u8,
-    /// The same of the force sensors beside them.
+    /// Bit i is set if the code of force sensor i of a [`Complement`] was at an end of the
+    /// ADC's range.
     pub forces_at_rail: u8,
-    /// The clamp was active.
+    /// Whether the clamp reduced the forces.
     pub clamped: bool,
-    /// The force was not a finite number; the output is the safe one.
+    /// Whether a force was not a finite number. All legs then get zero force.
     pub not_finite: bool,
 }
 
-/// What is asked of one step.
+/// The inputs of one step besides the samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Demand {
-    /// Factor of the law's gains, 0 to 1: what its integrals gathered under a small
-    /// one stays small when it grows.
+    /// Factor on the law's gains, 0 to 1. It acts before the integrals: what they
+    /// accumulated under a small factor stays small when the factor grows.
     pub gain: f32,
-    /// Factor of the law's force, 0 to 1: with 0 there is none whatever its
-    /// integrals hold.
+    /// Factor on the law's force, 0 to 1. It acts after the integrals: at 0 the force is
+    /// zero whatever they hold.
     pub fade: f32,
-    /// Added to it before the clamp.
+    /// Forces added to the law's before the clamp, N.
     pub injection: LegForces,
 }
 
 impl Demand {
-    /// The whole law and nothing else.
+    /// The law at full gain and no injection.
     pub const LAW: Self = Self {
         gain: 1.0,
         fade: 1.0,
@@ -166,7 +166,7 @@ impl Demand {
 }
 
 impl Status {
-    /// Nothing.
+    /// Nothing observed.
     pub const NOTHING: Self = Self {
         sensors_at_rail: 0,
         forces_at_rail: 0,
@@ -174,26 +174,26 @@ impl Status {
         not_finite: false,
     };
 
-    /// Whether any sensor's code was at an end of the ADC's range.
+    /// Whether the code of any sensor was at an end of the ADC's range.
     pub fn at_rail(&self) -> bool {
         self.sensors_at_rail != 0 || self.forces_at_rail != 0
     }
 }
 
-/// What one step gives.
+/// The result of one step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Output {
-    /// The codes to latch.
+    /// The DAC codes to latch.
     pub dac: [DacCode; LEGS],
-    /// What was seen on the way.
+    /// What the step observed.
     pub status: Status,
 }
 
-fn calibrate(sensors: &[Calibration; LEGS], adc: [AdcCode; LEGS]) -> Six {
+fn calibrate(sensors: &[Calibration; LEGS], adc: [AdcCode; LEGS]) -> Values {
     core::array::from_fn(|i| sensors[i].value(adc[i]))
 }
 
-/// Bit i: code i is at an end of the ADC's range.
+/// Bit i is set if code i is at an end of the ADC's range.
 fn at_rail(adc: [AdcCode; LEGS], max: AdcCode) -> u8 {
     let mut bits = 0;
     for (i, code) in adc.iter().enumerate() {
@@ -204,7 +204,7 @@ fn at_rail(adc: [AdcCode; LEGS], max: AdcCode) -> u8 {
     bits
 }
 
-/// One sample: `adc` as read at this instant; out come the codes to latch.
+/// Runs one sample with the loop closed, from the codes `adc` to the codes to latch.
 pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand) -> Output {
     let t = table.get();
     let (w, forces) = sense(t, state, adc, t.ac_limit);
@@ -213,12 +213,12 @@ pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand)
     output(t, adc, force, clamp)
 }
 
-/// One sample with the loop open: AC coupling and [`Complement`] follow the
-/// sensors, the law stays at rest, the legs get `injection` alone.
+/// Runs one sample with the loop open: AC coupling and [`Complement`] follow the sensors,
+/// the law stays at rest, and the legs get `injection` only, clamped to their limits.
 pub fn rest(table: &ValidTable, state: &mut State, adc: Samples, injection: LegForces) -> Output {
     let t = table.get();
-    // No law, so no shock that it could take for an offset; and of a swing that is
-    // not as high as it is deep the mean within limits is another.
+    // No limit on the AC coupling: without a law a shock does no harm, and a limit would
+    // bias the average of an asymmetric vibration.
     let (w, forces) = sense(t, state, adc, f32::MAX);
     if let Paths::Modal(modal) = &t.law.paths {
         blend(modal, &mut state.law, &w, &forces);
@@ -234,9 +234,9 @@ pub fn rest(table: &ValidTable, state: &mut State, adc: Samples, injection: LegF
     output(t, adc, force, clamp)
 }
 
-/// AC-coupled sensor values, and what the force sensors beside them measure, N.
+/// AC-coupled sensor values, and the forces measured by a [`Complement`], N.
 #[inline]
-fn sense(t: &Table, state: &mut State, adc: Samples, limit: f32) -> (Six, Six) {
+fn sense(t: &Table, state: &mut State, adc: Samples, limit: f32) -> (Values, Values) {
     let y = calibrate(&t.sensors, adc.sensors);
     let forces = t
         .complement()
@@ -253,12 +253,12 @@ fn sense(t: &Table, state: &mut State, adc: Samples, limit: f32) -> (Six, Six) {
 }
 
 #[inline]
-fn limits(t: &Table) -> Six {
+fn limits(t: &Table) -> Values {
     core::array::from_fn(|i| t.actuators[i].limit)
 }
 
 #[inline]
-fn output(t: &Table, adc: Samples, force: Six, clamp: Clamp) -> Output {
+fn output(t: &Table, adc: Samples, force: Values, clamp: Clamp) -> Output {
     let beside = t.complement().is_some();
     Output {
         dac: core::array::from_fn(|i| t.actuators[i].code(force[i])),
@@ -275,29 +275,31 @@ fn output(t: &Table, adc: Samples, force: Six, clamp: Clamp) -> Output {
     }
 }
 
-/// What the clamp of [`force`] did.
+/// The action of the clamp in [`force`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clamp {
-    /// All forces inside their limits.
+    /// All forces are within their limits.
     Idle,
-    /// All forces scaled by one factor.
+    /// All forces were scaled by one factor.
     Active,
-    /// A force was not finite; all are zero.
+    /// A force was not finite. All forces are zero.
     NotFinite,
 }
 
-/// The law itself: from AC-coupled sensor values `w` to forces. `forces`, those
-/// measured beside accelerometers, and `limits` in N; gives the forces in N, each
-/// within its limit.
+/// The control law, from AC-coupled sensor values to leg forces, N, each within its limit:
+/// Eq. (14), Eq. (21), Eq. (22).
+///
+/// `w` has sensor units, `limits` is in N. `forces`, N, are those measured by a
+/// [`Complement`]; a law without one ignores them.
 #[inline]
 pub fn force(
     law: &Law,
-    limits: &Six,
+    limits: &Values,
     state: &mut LawState,
-    w: &Six,
-    forces: &Six,
+    w: &Values,
+    forces: &Values,
     demand: &Demand,
-) -> (Six, Clamp) {
+) -> (Values, Clamp) {
     let Demand {
         gain,
         fade,
@@ -336,11 +338,11 @@ pub fn force(
     }
 }
 
-/// The negative of the leg forces, N.
+/// The negative of the leg forces of a direct law, N.
 #[inline]
-fn direct_force(direct: &Direct, leak: f32, gain: f32, state: &mut LawState, w: &Six) -> Six {
+fn direct_force(direct: &Direct, leak: f32, gain: f32, state: &mut LawState, w: &Values) -> Values {
     let before = state.before;
-    let r: Six = core::array::from_fn(|i| before[i] + direct.roll_off * (w[i] - before[i]));
+    let r: Values = core::array::from_fn(|i| before[i] + direct.roll_off * (w[i] - before[i]));
     let sum = core::array::from_fn(|i| gain * (r[i] + before[i]));
     state.before = r;
     let leaked = core::array::from_fn(|i| state.integral[i] - leak * state.integral[i]);
@@ -350,18 +352,18 @@ fn direct_force(direct: &Direct, leak: f32, gain: f32, state: &mut LawState, w: 
     add_product(integral, &direct.proportional, &r)
 }
 
-/// Forces along the modes, N/√kg.
+/// The modal forces of a modal law, N/√kg.
 #[inline]
 fn modal_force(
     modal: &Modal,
     leak: f32,
     gain: f32,
     state: &mut LawState,
-    w: &Six,
-    forces: &Six,
-) -> Six {
+    w: &Values,
+    forces: &Values,
+) -> Values {
     let mut r = blend(modal, state, w, forces);
-    // `zip` and `take` bound the sections without a check that could panic.
+    // `take` bounds the sections without an index that could panic.
     for (j, states) in state.sections.iter_mut().enumerate().take(modal.sections) {
         let [x1, x2] = states;
         for (i, channel) in modal.channels.iter().enumerate() {
@@ -379,9 +381,9 @@ fn modal_force(
     asked
 }
 
-/// Sensors to modes.
+/// From sensors to modes, with both kinds of sensors blended by a [`Complement`].
 #[inline]
-fn blend(modal: &Modal, state: &mut LawState, w: &Six, forces: &Six) -> Six {
+fn blend(modal: &Modal, state: &mut LawState, w: &Values, forces: &Values) -> Values {
     let mut r = add_product([0.0; LEGS], &modal.input, w);
     if let Some(Complement { input, split, .. }) = &modal.complement {
         let f = add_product([0.0; LEGS], input, forces);
@@ -396,7 +398,7 @@ fn blend(modal: &Modal, state: &mut LawState, w: &Six, forces: &Six) -> Six {
 }
 
 impl Section {
-    /// One sample.
+    /// Filters one sample.
     #[inline]
     fn run(&self, x1: &mut f32, x2: &mut f32, u: f32) -> f32 {
         let y = self.direct * u + self.band * *x1 + self.low * *x2;
@@ -407,7 +409,7 @@ impl Section {
     }
 }
 
-/// `x` held within ±`limit`. Not `f32::clamp`: that can panic.
+/// `x` limited to ±`limit`. `f32::clamp` can panic.
 #[inline]
 fn bounded(x: f32, limit: f32) -> f32 {
     if x > limit {
@@ -419,15 +421,15 @@ fn bounded(x: f32, limit: f32) -> f32 {
     }
 }
 
-/// Whether every force is within its limit; NaN is not.
+/// Whether every force is within its limit; false for NaN.
 #[inline]
-fn inside(force: &Six, limits: &Six) -> bool {
+fn inside(force: &Values, limits: &Values) -> bool {
     (0..LEGS).all(|i| force[i].abs() <= limits[i])
 }
 
 /// a + m·v, column by column.
 #[inline]
-fn add_product(mut a: Six, m: &Matrix6<f32>, v: &Six) -> Six {
+fn add_product(mut a: Values, m: &Matrix6<f32>, v: &Values) -> Values {
     for (column, v) in m.data.0.iter().zip(v) {
         for (a, m) in a.iter_mut().zip(column) {
             *a += m * v;
@@ -438,7 +440,7 @@ fn add_product(mut a: Six, m: &Matrix6<f32>, v: &Six) -> Six {
 
 /// a − m·v, column by column.
 #[inline]
-fn subtract_product(mut a: Six, m: &Matrix6<f32>, v: &Six) -> Six {
+fn subtract_product(mut a: Values, m: &Matrix6<f32>, v: &Values) -> Values {
     for (column, v) in m.data.0.iter().zip(v) {
         for (a, m) in a.iter_mut().zip(column) {
             *a -= m * v;
@@ -447,11 +449,11 @@ fn subtract_product(mut a: Six, m: &Matrix6<f32>, v: &Six) -> Six {
     a
 }
 
-/// Scales all forces by one factor, so that the force on the frame keeps its
-/// direction, and gives that factor too. None if a force is not finite.
+/// Scales all forces by one factor, so that the force on the frame keeps its direction.
+/// Returns the forces and the factor. None if a force is not finite.
 #[cold]
 #[inline(never)]
-fn clamp(force: &Six, limits: &Six) -> Option<(Six, f32)> {
+fn clamp(force: &Values, limits: &Values) -> Option<(Values, f32)> {
     let mut over = 0.0f32;
     for i in 0..LEGS {
         let ratio = force[i].abs() / limits[i];
@@ -465,7 +467,7 @@ fn clamp(force: &Six, limits: &Six) -> Option<(Six, f32)> {
     let scale = 1.0 / over;
     let held = core::array::from_fn(|i| {
         let scaled = force[i] * scale;
-        // The product may round past the limit by one unit in the last place.
+        // Rounding may exceed the limit by one unit in the last place.
         bounded(scaled, limits[i])
     });
     Some((held, scale))

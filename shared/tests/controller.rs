@@ -11,9 +11,10 @@ use shared::controller::{Controller, Reading, Refusal};
 use shared::injection::{Injection, Injector, Signal};
 use shared::link::{Answer, Cutter, FRAME, Packet, Reply, Request, Server, VERSION, encode};
 use shared::recorder::{Record, Recorded, Recording, Trigger};
-use shared::self_test::{Phasor, SelfTest};
-use shared::supervisor::{Cause, Event, Mode, Supervision};
-use shared::table::{Direct, Limits, Paths, TABLE_ROOM, TableError, ValidTable};
+use shared::supervisor::{Cause, Event, Mode};
+use shared::table::{
+    Direct, Limits, Paths, Phasor, SelfTest, Supervision, TABLE_ROOM, TableError, ValidTable,
+};
 
 /// The documented table of modes is the one that runs, all of it: every mode with
 /// every event.

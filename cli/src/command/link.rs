@@ -11,11 +11,11 @@ use host_gen::board::words::cause;
 use serde::Serialize;
 use shared::LEGS;
 use shared::codes::AdcCode;
-use shared::controller::{Health, Identity, Report, Restart};
+use shared::controller::{ControllerReport, Health, Identity, Restart};
 use shared::injection::{Injection, Signal};
 use shared::link::Request;
 use shared::recorder::{Record, Recorded, Recording, Trigger};
-use shared::supervisor::{Fault, Mode};
+use shared::supervisor::{LatchedFault, Mode};
 
 use crate::arguments::Format;
 use crate::failure::Failure;
@@ -317,7 +317,7 @@ fn status(client: &mut Client, format: Format) -> Result<(), Failure> {
 #[derive(Serialize)]
 struct Standing {
     #[serde(flatten)]
-    report: Report,
+    report: ControllerReport,
     #[serde(skip)]
     rate: f64,
 }
@@ -341,7 +341,7 @@ impl Display for Standing {
             },
             seconds(report.at)
         )?;
-        if let Some(Fault { cause: why, at }) = report.fault {
+        if let Some(LatchedFault { cause: why, at }) = report.fault {
             writeln!(f, "  fault at {:.4} s: {}", seconds(at), cause(why))?;
         }
         writeln!(f, "  gain {} of {}", report.gain, report.target)?;

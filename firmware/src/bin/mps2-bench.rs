@@ -1,7 +1,7 @@
 //! Instructions per controller step, counted on the emulated MPS2 board.
 //!
-//! Under `-icount shift=8` an instruction takes 256 ns of the board's time and
-//! its 25 MHz SysTick moves on by 6.4. `cargo xtask bench` starts it so.
+//! With `-icount shift=8` the emulator counts 256 ns per instruction, which are 6.4 counts of
+//! the board's 25 MHz SysTick. `cargo xtask bench` starts it this way.
 #![no_std]
 #![no_main]
 
@@ -20,29 +20,32 @@ use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::{AdcCode, Samples};
 use shared::controller::Controller;
-use shared::step::{Clamp, Demand, LawState, Output, State, Status, force, step};
+use shared::step::{Clamp, Demand, LawState, Output, State, Status, Values, force, step};
 use shared::supervisor::{Event, Mode};
 use shared::table::{Direct, Law, Paths, ValidTable};
-
-type Six = [f32; LEGS];
 
 /// SysTick counts for five instructions.
 const TICKS_PER_FIVE: u32 = 32;
 
-/// Calls per measurement; the counter's 24 bits hold 1,000 of 2,600
+/// Calls per measurement. The 24 bits of the counter are enough for 1,000 calls of 2,600
 /// instructions.
 const CALLS: u32 = 1000;
 
-// Not inlined, so that each is a call with arguments and result as the empty
-// ones are.
+// Not inlined, so that each is a call with the same arguments and result as the empty
+// function that is subtracted.
 
 #[inline(never)]
-fn empty_law(_: &Law, _: &Six, _: &mut LawState, _: &[Six; 2]) -> (Six, Clamp) {
+fn empty_law(_: &Law, _: &Values, _: &mut LawState, _: &[Values; 2]) -> (Values, Clamp) {
     (black_box([0.0; LEGS]), Clamp::Idle)
 }
 
 #[inline(never)]
-fn whole_law(law: &Law, limits: &Six, state: &mut LawState, [w, f]: &[Six; 2]) -> (Six, Clamp) {
+fn whole_law(
+    law: &Law,
+    limits: &Values,
+    state: &mut LawState,
+    [w, f]: &[Values; 2],
+) -> (Values, Clamp) {
     force(law, limits, state, w, f, &Demand::LAW)
 }
 
@@ -64,13 +67,13 @@ fn whole_step(table: &ValidTable, state: &mut State, adc: Samples) -> Output {
     step(table, state, adc, Demand::LAW)
 }
 
-/// Instructions per call, the loop around it included.
+/// Instructions per call, including the loop around it.
 fn instructions(mut call: impl FnMut()) -> u32 {
     let start = SYST::get_current();
     for _ in 0..CALLS {
         call();
     }
-    // Counts down, 24 bits.
+    // The counter has 24 bits and counts down.
     let ticks = start.wrapping_sub(SYST::get_current()) & 0x00FF_FFFF;
     (ticks * 5 + TICKS_PER_FIVE * CALLS / 2) / (TICKS_PER_FIVE * CALLS)
 }
@@ -87,7 +90,7 @@ fn main() -> ! {
 
     measure("modal", &metrology_frame::TABLE);
     measure("both", &both_sensors::TABLE);
-    // The same machine's table with matrices of any numbers.
+    // The same machine's table with arbitrary matrices.
     let mut direct = *metrology_frame::TABLE.get();
     direct.law.paths = Paths::Direct(Direct {
         roll_off: 0.1,
@@ -103,14 +106,14 @@ fn main() -> ! {
     stop::done()
 }
 
-/// Samples that hold each thing the controller does now and then: the end of the
-/// pilot's measuring of a leg, of the monitors' windows.
+/// Number of samples that includes everything the controller does only now and then: the end
+/// of a leg's measurement by the pilot, the end of a window of the monitors.
 const SAMPLES: u32 = 30_000;
 
-/// Prints what the whole controller takes with the loop closed, on average and at the
-/// most.
+/// Prints the instructions of the complete controller with the loop closed, average and
+/// maximum.
 fn controller(name: &str, table: &ValidTable) {
-    // No machine answers here: a self-test that anything passes, a start at once.
+    // There is no machine: the self-test passes with any answer, and the start takes no time.
     let mut t = *table.get();
     t.self_test.tolerance = 1e6;
     t.self_test.settle = 1;
@@ -138,7 +141,7 @@ fn controller(name: &str, table: &ValidTable) {
     let average = instructions(|| {
         black_box(controller.on_sample(black_box(samples.into())));
     });
-    // Reading the counter costs thousands of instructions itself, always the same.
+    // Reading the counter takes a constant number of instructions, some thousands.
     let (mut least, mut most) = (u32::MAX, 0);
     for _ in 0..SAMPLES {
         let start = SYST::get_current();
@@ -151,14 +154,14 @@ fn controller(name: &str, table: &ValidTable) {
     hprintln!("{} longest {}", name, average + most - least);
 }
 
-/// Prints what `cargo xtask bench` compares: name and instructions.
+/// Prints name and instructions of law and step, which `cargo xtask bench` compares.
 fn measure(name: &str, table: &ValidTable) {
     let law = &table.get().law;
     let limits = table.get().actuators.map(|drive| drive.limit);
-    // Small enough to stay clear of the clamp.
+    // Small enough not to be clamped.
     let w = [[1e-7; LEGS]; 2];
     let mut state = LawState::REST;
-    let mut measure = |call: fn(&Law, &Six, &mut LawState, &[Six; 2]) -> (Six, Clamp)| {
+    let mut measure = |call: fn(&Law, &Values, &mut LawState, &[Values; 2]) -> (Values, Clamp)| {
         instructions(|| {
             let (law, limits, w) = black_box((law, &limits, &w));
             black_box(call(law, limits, &mut state, w));

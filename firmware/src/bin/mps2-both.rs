@@ -1,4 +1,5 @@
-//! The same board with both kinds of sensors.
+//! The controller of the machine with accelerometers and force sensors, on the emulated MPS2
+//! board.
 #![no_std]
 #![no_main]
 

@@ -13,50 +13,50 @@ use embedded_hal::spi::SpiDevice;
 use shared::LEGS;
 use shared::codes::DacCode;
 
-/// Bytes of a frame.
+/// Size of a frame, bytes.
 pub const FRAME: usize = 3;
 
-/// The fastest clock, Hz (data sheet, t1).
+/// Highest clock frequency, Hz (data sheet, t1).
 pub const CLOCK: u32 = 50_000_000;
 
-/// The longest way of the output to within 2 LSB of the code, s (data sheet, a step
+/// Longest settling time of the output to within 2 LSB of the code, s (data sheet, a step
 /// from a quarter to three quarters of the range).
 pub const SETTLING: f64 = 8e-6;
 
-/// What a frame asks for (data sheet, command definitions).
+/// The command in a frame (data sheet, command definitions).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Write a channel's input register; LDAC puts it out.
-    Write(Channel, DacCode),
-    /// Write a channel's input register and put it out.
-    WriteAndUpdate(Channel, DacCode),
-    /// As after power-on.
+pub enum DacCommand {
+    /// Write a channel's input register. The next LDAC updates the output.
+    Write(DacChannel, DacCode),
+    /// Write a channel's input register and update the output.
+    WriteAndUpdate(DacChannel, DacCode),
+    /// Reset to the state after power-up.
     Reset,
-    /// Reference and gain: the internal reference, gain by the pin.
+    /// Use the internal reference, with the gain set by the pin.
     InternalReference,
-    /// Gives a channel's code out in the next frame.
-    ReadBack(Channel),
-    /// Nothing: clocks what is read back.
+    /// Read a channel's code back in the next frame.
+    ReadBack(DacChannel),
+    /// No operation: clocks out the code that is read back.
     Nothing,
 }
 
 /// One of the first six outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Channel(u8);
+pub struct DacChannel(u8);
 
-impl Channel {
-    /// By leg.
+impl DacChannel {
+    /// The channel of each leg.
     pub const ALL: [Self; LEGS] = [Self(0), Self(1), Self(2), Self(3), Self(4), Self(5)];
 }
 
-impl Command {
-    /// As it goes over the wire.
+impl DacCommand {
+    /// The bytes of the frame.
     pub const fn encode(self) -> [u8; FRAME] {
         let (command, channel, data) = match self {
             Self::Nothing => (0b0000, 0, 0),
             Self::Write(channel, code) => (0b0001, channel.0, code.0),
             Self::WriteAndUpdate(channel, code) => (0b0011, channel.0, code.0),
-            // The key without which the part does not reset.
+            // The key that a reset requires.
             Self::Reset => (0b0110, 0, 0x1234),
             Self::InternalReference => (0b0111, 0, 0),
             Self::ReadBack(channel) => (0b1001, channel.0, 0),
@@ -66,74 +66,77 @@ impl Command {
     }
 }
 
-/// The code in the frame after [`Command::ReadBack`].
+/// Decodes the code in the frame after [`DacCommand::ReadBack`].
 pub fn decode(frame: &[u8; FRAME]) -> DacCode {
     let [_, high, low] = *frame;
     DacCode(u16::from_be_bytes([high, low]))
 }
 
-/// The bus failed, or the converter does not hold what it was given.
+/// Why the converter does not work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Error {
+pub enum DacError {
     /// The bus failed.
     Bus,
-    /// A channel reads back another code.
+    /// A channel reads back another code than was written.
     ReadBack,
 }
 
-/// The converter on its bus. LDAC belongs to the timer.
+/// The converter on its bus. A timer drives LDAC.
 #[derive(Debug)]
 pub struct Ad5676r<S> {
     device: S,
 }
 
 impl<S: SpiDevice> Ad5676r<S> {
-    /// `device` frames a transfer with SYNC and clocks in mode 1 or 2, up to [`CLOCK`].
+    /// A driver on `device`, which must frame each transfer with SYNC and use SPI mode 1 or 2
+    /// at up to [`CLOCK`].
     pub const fn new(device: S) -> Self {
         Self { device }
     }
 
-    /// Resets it, puts `safe` out on all six channels at once, without LDAC, and reads
+    /// Resets the converter, sets the six outputs to `safe` without waiting for LDAC, and reads
     /// every code back.
     ///
     /// # Errors
-    /// Where the bus fails or a channel does not hold its code: the wiring is wrong.
-    pub fn start(&mut self, safe: [DacCode; LEGS]) -> Result<(), Error> {
-        self.send(Command::Reset)?;
-        self.send(Command::InternalReference)?;
-        for (channel, code) in Channel::ALL.into_iter().zip(safe) {
-            self.send(Command::WriteAndUpdate(channel, code))?;
+    /// If the bus fails, or a channel reads back another code: the wiring is wrong.
+    pub fn start(&mut self, safe: [DacCode; LEGS]) -> Result<(), DacError> {
+        self.send(DacCommand::Reset)?;
+        self.send(DacCommand::InternalReference)?;
+        for (channel, code) in DacChannel::ALL.into_iter().zip(safe) {
+            self.send(DacCommand::WriteAndUpdate(channel, code))?;
         }
-        for (channel, code) in Channel::ALL.into_iter().zip(safe) {
-            self.send(Command::ReadBack(channel))?;
-            let mut frame = Command::Nothing.encode();
+        for (channel, code) in DacChannel::ALL.into_iter().zip(safe) {
+            self.send(DacCommand::ReadBack(channel))?;
+            let mut frame = DacCommand::Nothing.encode();
             self.device
                 .transfer_in_place(&mut frame)
-                .map_err(|_| Error::Bus)?;
+                .map_err(|_| DacError::Bus)?;
             if decode(&frame) != code {
-                return Err(Error::ReadBack);
+                return Err(DacError::ReadBack);
             }
         }
         Ok(())
     }
 
-    /// Writes the codes that the next LDAC puts out.
+    /// Writes the codes that the outputs take at the next LDAC.
     ///
     /// # Errors
-    /// Where the bus fails.
-    pub fn write(&mut self, codes: [DacCode; LEGS]) -> Result<(), Error> {
-        for (channel, code) in Channel::ALL.into_iter().zip(codes) {
-            self.send(Command::Write(channel, code))?;
+    /// If the bus fails.
+    pub fn write(&mut self, codes: [DacCode; LEGS]) -> Result<(), DacError> {
+        for (channel, code) in DacChannel::ALL.into_iter().zip(codes) {
+            self.send(DacCommand::Write(channel, code))?;
         }
         Ok(())
     }
 
-    /// The bus, to change its clock.
+    /// Returns the bus, for example to change its clock.
     pub fn into_device(self) -> S {
         self.device
     }
 
-    fn send(&mut self, command: Command) -> Result<(), Error> {
-        self.device.write(&command.encode()).map_err(|_| Error::Bus)
+    fn send(&mut self, command: DacCommand) -> Result<(), DacError> {
+        self.device
+            .write(&command.encode())
+            .map_err(|_| DacError::Bus)
     }
 }

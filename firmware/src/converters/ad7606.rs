@@ -14,26 +14,25 @@ use embedded_hal::spi::SpiDevice;
 use shared::LEGS;
 use shared::codes::AdcCode;
 
-/// Bytes of six channels.
+/// Size of the frame of six channels, bytes.
 pub const FRAME: usize = 2 * LEGS;
 
-/// The longest conversion, s (data sheet, t_CONV without oversampling).
+/// Longest conversion time, s (data sheet, t_CONV without oversampling).
 pub const CONVERSION: f64 = 4.15e-6;
 
-/// The fastest clock with VDRIVE at 3.3 V less 10 %, Hz (data sheet, f_SCLK above
-/// 2.7 V).
+/// Highest clock frequency with VDRIVE at 3.3 V ± 10 %, Hz (data sheet, f_SCLK above 2.7 V).
 pub const CLOCK: u32 = 14_500_000;
 
-/// Why there is no sample.
+/// Why a sample could not be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Error {
-    /// BUSY is still high: the conversion has not ended, or was never begun.
+pub enum AdcError {
+    /// BUSY is still high: the conversion has not ended.
     Busy,
     /// The bus failed.
     Bus,
 }
 
-/// The codes in what DOUTA gave, V1 to V6.
+/// Decodes the codes of V1 to V6 from the bytes read from DOUTA.
 pub fn decode(frame: &[u8; FRAME]) -> [AdcCode; LEGS] {
     let mut codes = [AdcCode(0); LEGS];
     let (pairs, _) = frame.as_chunks();
@@ -51,21 +50,22 @@ pub struct Ad7606<S, B> {
 }
 
 impl<S: SpiDevice, B: InputPin> Ad7606<S, B> {
-    /// `device` frames a transfer with CS and clocks in mode 2, up to [`CLOCK`].
+    /// A driver on `device`, which must frame each transfer with CS and use SPI mode 2 at up to
+    /// [`CLOCK`]. `busy` is the BUSY pin.
     pub const fn new(device: S, busy: B) -> Self {
         Self { device, busy }
     }
 
-    /// The last conversion's codes, V1 to V6.
+    /// Reads the codes of V1 to V6 from the last conversion.
     ///
     /// # Errors
-    /// While BUSY is high, and where the bus fails.
-    pub fn read(&mut self) -> Result<[AdcCode; LEGS], Error> {
-        if self.busy.is_high().map_err(|_| Error::Bus)? {
-            return Err(Error::Busy);
+    /// If BUSY is high or the bus fails.
+    pub fn read(&mut self) -> Result<[AdcCode; LEGS], AdcError> {
+        if self.busy.is_high().map_err(|_| AdcError::Bus)? {
+            return Err(AdcError::Busy);
         }
         let mut frame = [0; FRAME];
-        self.device.read(&mut frame).map_err(|_| Error::Bus)?;
+        self.device.read(&mut frame).map_err(|_| AdcError::Bus)?;
         Ok(decode(&frame))
     }
 }

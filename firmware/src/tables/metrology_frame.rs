@@ -5,10 +5,9 @@
 
 use nalgebra::matrix;
 use shared::codes::{AdcCode, Calibration, DacCode, Drive};
-use shared::self_test::{Phasor, SelfTest};
-use shared::supervisor::Supervision;
 use shared::table::{
-    Channel, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,
+    Channel, Feedback, Law, Modal, ModelDigest, Paths, Phasor, Section, SelfTest, Supervision,
+    Table, ValidTable,
 };
 
 /// The table, checked by the compiler.

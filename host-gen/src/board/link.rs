@@ -7,12 +7,13 @@ use std::net::TcpStream;
 use std::str::FromStr;
 use std::time::{Duration, Instant, SystemTime};
 
-use super::words::reason;
-use shared::controller::{Health, Identity, Refusal, Report, Telemetry};
+use shared::controller::{ControllerReport, Health, Identity, Refusal, Telemetry};
 use shared::link::upload::PIECE;
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recorded, Recording};
 use shared::table::{TABLE_ROOM, ValidTable};
+
+use super::words::reason;
 
 /// Where a board is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -241,7 +242,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Client::ask`].
-    pub fn report(&mut self) -> Result<Report, LinkError> {
+    pub fn report(&mut self) -> Result<ControllerReport, LinkError> {
         match self.ask(Request::Report)? {
             Reply::Report(report) => Ok(report),
             _ => Err(LinkError::Answer),
@@ -288,7 +289,10 @@ impl Client {
     ///
     /// # Errors
     /// As [`Client::ask`].
-    pub fn wait_for(&mut self, is: impl Fn(&Report) -> bool) -> Result<Report, LinkError> {
+    pub fn wait_for(
+        &mut self,
+        is: impl Fn(&ControllerReport) -> bool,
+    ) -> Result<ControllerReport, LinkError> {
         loop {
             let report = self.report()?;
             if is(&report) {
@@ -313,7 +317,7 @@ impl Client {
     /// # Errors
     /// As [`Client::ask`].
     pub fn recording(&mut self) -> Result<(Vec<Record>, u64), LinkError> {
-        let done = |report: &Report| matches!(report.recorded, Recorded::Done { .. });
+        let done = |report: &ControllerReport| matches!(report.recorded, Recorded::Done { .. });
         let report = self.wait_for(|report| done(report) || report.recorded == Recorded::Off)?;
         let Recorded::Done { at, .. } = report.recorded else {
             return Err(LinkError::Answer);

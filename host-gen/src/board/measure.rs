@@ -12,7 +12,7 @@ use nalgebra::{Complex, DMatrix, Matrix6};
 use rustfft::{Fft, FftPlanner};
 use serde::Serialize;
 use shared::LEGS;
-use shared::controller::Report;
+use shared::controller::ControllerReport;
 use shared::injection::{Injection, Injector, Signal};
 use shared::link::Request;
 use shared::recorder::{Record, Recording, Trigger};
@@ -174,7 +174,7 @@ fn experiment(
         samples: shared::injection::LONGEST,
     };
     client.command(Request::Inject(injection))?;
-    let Report { injected, .. } = client.report()?;
+    let ControllerReport { injected, .. } = client.report()?;
     let settled = injected + u64::from(period) * u64::from(settings.settling);
     client.wait_for(|report| report.at >= settled || report.injecting == 0)?;
     let mut spectra = vec![Vec::new(); COUNT as usize];

@@ -5,8 +5,7 @@ use std::fmt::Write as _;
 use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::Calibration;
-use shared::self_test::SelfTest;
-use shared::table::{self, Complement, Direct, Modal, Paths, ValidTable};
+use shared::table::{self, Complement, Direct, Modal, Paths, SelfTest, ValidTable};
 
 use crate::machine::Machine;
 
@@ -31,19 +30,17 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     line("");
     line("use nalgebra::matrix;");
     line("use shared::codes::{AdcCode, Calibration, DacCode, Drive};");
-    line("use shared::self_test::{Phasor, SelfTest};");
-    line("use shared::supervisor::Supervision;");
     line(match &t.law.paths {
         Paths::Direct(_) => {
-            "use shared::table::{Direct, Feedback, Law, ModelDigest, Paths, Table, ValidTable};"
+            "use shared::table::{\n    Direct, Feedback, Law, ModelDigest, Paths, Phasor, SelfTest, Supervision, Table, ValidTable,\n};"
         }
         Paths::Modal(Modal {
             complement: None, ..
         }) => {
-            "use shared::table::{\n    Channel, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,\n};"
+            "use shared::table::{\n    Channel, Feedback, Law, Modal, ModelDigest, Paths, Phasor, Section, SelfTest, Supervision,\n    Table, ValidTable,\n};"
         }
         Paths::Modal(_) => {
-            "use shared::table::{\n    Channel, Complement, Feedback, Law, Modal, ModelDigest, Paths, Section, Table, ValidTable,\n};"
+            "use shared::table::{\n    Channel, Complement, Feedback, Law, Modal, ModelDigest, Paths, Phasor, Section, SelfTest,\n    Supervision, Table, ValidTable,\n};"
         }
     });
     line("");

@@ -3,8 +3,8 @@
 
 use nalgebra::Complex;
 use shared::LEGS;
-use shared::self_test::{Phasor, SelfTest};
-use shared::supervisor::{GENTLE, Supervision};
+use shared::supervisor::GENTLE;
+use shared::table::{Phasor, SelfTest, Supervision};
 
 use crate::machine::{Board, Machine, Sensor};
 use crate::plant::SampledPlant;

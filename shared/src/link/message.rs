@@ -1,81 +1,80 @@
-//! What is said over the link.
+//! The messages of the link.
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::upload::PIECE;
-use crate::controller::{Health, Identity, Refusal, Report, Telemetry};
+use crate::controller::{ControllerReport, Health, Identity, Refusal, Telemetry};
 use crate::injection::Injection;
 use crate::recorder::{Record, Recording};
 
-/// Records in one answer.
+/// Largest number of records in one reply.
 pub const CHUNK: usize = 8;
 
-/// From host to board. The order is part of the wire format.
+/// A message from host to board. The order is part of the wire format.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(
     clippy::large_enum_variant,
-    reason = "one at a time, and nothing to allocate a box from"
+    reason = "one at a time, and no allocator for a box"
 )]
 pub enum Request {
-    /// Begins a session; any other ends. The number is the host's own, best a
-    /// random one.
+    /// Begins a session and ends any other. The number is chosen by the host, at random.
     Hello(u32),
-    /// How do things stand?
+    /// Request mode, gain, fault and counters.
     Report,
-    /// What runs there?
+    /// Request the identity of the table in use.
     Identity,
     /// Test sensors and legs.
     SelfTest,
     /// Close the loop.
     Start,
-    /// Open it; end a test or an injection.
+    /// Open the loop, or end a self-test or an injection.
     Stop,
-    /// Forget the fault.
+    /// Clear the fault.
     Clear,
-    /// Aim at this part of the law's force, above 0 and up to 1.
+    /// Set the target of the loop gain, as a fraction of the table's, above 0 and up to 1.
     SetGain(f32),
-    /// Push the legs.
+    /// Add a test signal to the leg forces.
     Inject(Injection),
-    /// Arm the recorder.
+    /// Start a recording.
     Record(Recording),
-    /// Records of a finished recording from this one on.
+    /// Request up to [`CHUNK`] records of a complete recording, from this index on.
     Recording(u32),
-    /// Samples before the latched fault from this one on.
+    /// Request up to [`CHUNK`] records from before the latched fault, from this index on.
     Snapshot(u32),
-    /// One sample out of so many as it comes; 0 for none.
+    /// Send every Nth sample as telemetry; 0 for none.
     Telemetry(u32),
-    /// A piece of a table, from this byte on.
+    /// Bytes of an encoded table, and the offset of the first one.
     Piece(u32, Vec<u8, PIECE>),
-    /// Keep the table that came, so many bytes with this checksum, and run it.
+    /// Store the uploaded table, of this length in bytes and with this checksum, and run it.
     Keep(u32, u32),
-    /// Forget the table that was kept and run the one compiled in.
+    /// Delete the stored table and run the one compiled into the firmware.
     Forget,
-    /// How does the processor do?
+    /// Request timing and stack use of the processor.
     Health,
 }
 
-/// From board to host. The order is part of the wire format.
+/// A message from board to host. The order is part of the wire format.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(
     clippy::large_enum_variant,
-    reason = "one at a time, and nothing to allocate a box from"
+    reason = "one at a time, and no allocator for a box"
 )]
 pub enum Reply {
-    /// The session's number is in the packet.
+    /// A session has begun. Its number is in the packet.
     Hello,
-    /// How things stand.
-    Report(Report),
-    /// What runs here.
+    /// Mode, gain, fault and counters.
+    Report(ControllerReport),
+    /// Identity of the table in use.
     Identity(Identity),
-    /// It is done, or begun.
+    /// The request was carried out, or was started.
     Done,
-    /// Nothing has changed.
+    /// The request was refused, and nothing has changed.
     Refused(Refusal),
-    /// Records, up to [`CHUNK`]; fewer at the end, none past it.
+    /// Up to [`CHUNK`] records: fewer at the end, none past it.
     Records(Vec<Record, CHUNK>),
-    /// Nobody asked for this one.
+    /// A telemetry sample, sent without a request for each.
     Telemetry(Telemetry),
-    /// How the processor does.
+    /// Timing and stack use of the processor.
     Health(Health),
 }

@@ -1,8 +1,8 @@
-//! The link between a board and a host: frames and what is in them. The wire
-//! format is described for other programs in `docs/link.md`.
+//! The link between a board and a host: frames and messages. `docs/link.md` describes the
+//! wire format for other programs.
 //!
-//! A frame is a [`Packet`] as postcard writes it, its CRC-32 (ISO-HDLC) with the
-//! low byte first, all of it COBS-encoded, and a zero.
+//! A frame is a [`Packet`] encoded by postcard, followed by its CRC-32 (ISO-HDLC) with the
+//! low byte first, both encoded by COBS, and a zero byte.
 
 pub mod message;
 pub mod server;
@@ -19,38 +19,39 @@ pub use server::{Answer, Job, Server};
 /// Version of frames and messages.
 pub const VERSION: u8 = 1;
 
-/// The most bytes in a packet with its CRC.
+/// Largest size of a packet with its CRC, bytes.
 pub const PACKET: usize = 512;
 
-/// The most bytes in a frame, the zero included: COBS adds one in 254.
+/// Largest size of a frame with its zero, bytes: COBS adds one byte in 254.
 pub const FRAME: usize = PACKET + PACKET / 254 + 2;
 
-/// A message with what it belongs to.
+/// A message with its session and sequence number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Packet<T> {
-    /// [`VERSION`].
+    /// Version of the link, [`VERSION`].
     pub version: u8,
-    /// Given by the board in answer to [`Request::Hello`]; 0 in that.
+    /// Number of the session, chosen by the board in its reply to [`Request::Hello`]; 0 in
+    /// the `Hello` itself.
     pub session: u32,
-    /// Of requests, higher from each to the next; an answer has its request's; 0
-    /// in what nobody asked for.
+    /// Number of the request, higher from each request to the next. A reply has the number of
+    /// its request; telemetry, and the reply to a malformed frame, have 0.
     pub sequence: u32,
-    /// The message.
+    /// The message itself.
     pub body: T,
 }
 
-/// Bytes that are no frame.
+/// Why bytes are not a valid frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
-    /// Longer than a frame may be.
+    /// Longer than [`FRAME`].
     Length,
-    /// Not COBS.
+    /// Not encoded by COBS.
     Encoding,
     /// The checksum is wrong.
     Checksum,
-    /// Of another version.
+    /// Of another version of the link.
     Version,
-    /// The checksum is right and what is in it is not.
+    /// The checksum is right, but the content is not a message of this version.
     Content,
 }
 
@@ -61,14 +62,14 @@ impl core::fmt::Display for FrameError {
             Self::Encoding => "a frame that is not COBS",
             Self::Checksum => "a frame with a wrong checksum",
             Self::Version => "a frame of another version of the link",
-            Self::Content => "a frame with something else in it",
+            Self::Content => "a frame whose content is not a message",
         })
     }
 }
 
 impl core::error::Error for FrameError {}
 
-/// The frame of a packet. None if it is longer than [`PACKET`].
+/// Encodes a packet as a frame. None if the packet is longer than [`PACKET`].
 pub fn encode<T: Serialize>(packet: &Packet<T>) -> Option<Vec<u8, FRAME>> {
     let mut plain = [0; PACKET];
     let room = plain.get_mut(..PACKET - 4)?;
@@ -80,15 +81,15 @@ pub fn encode<T: Serialize>(packet: &Packet<T>) -> Option<Vec<u8, FRAME>> {
     let mut frame = Vec::new();
     frame.resize_default(FRAME).ok()?;
     let length = cobs::try_encode(plain.get(..length + 4)?, frame.get_mut(..FRAME - 1)?).ok()?;
-    // What follows is zero: the frame's end.
+    // The rest is zero; the first zero ends the frame.
     frame.truncate(length + 1);
     Some(frame)
 }
 
-/// The packet in a frame without its zero; `frame` is overwritten.
+/// Decodes the packet in a frame without its zero. Overwrites `frame`.
 ///
 /// # Errors
-/// Where it is none.
+/// If the bytes are not a valid frame.
 pub fn decode<T: for<'a> Deserialize<'a>>(frame: &mut [u8]) -> Result<Packet<T>, FrameError> {
     let length = cobs::decode_in_place(frame).map_err(|_| FrameError::Encoding)?;
     let plain = frame.get(..length).ok_or(FrameError::Encoding)?;
@@ -103,21 +104,21 @@ pub fn decode<T: for<'a> Deserialize<'a>>(frame: &mut [u8]) -> Result<Packet<T>,
     }
     match postcard::take_from_bytes(packet) {
         Ok((packet, [])) => Ok(packet),
-        // Bytes left over are not a message of this version.
+        // A message with bytes left over is not of this version.
         Ok(_) | Err(_) => Err(FrameError::Content),
     }
 }
 
-/// Cuts a stream of bytes into frames.
+/// Splits a stream of bytes into frames.
 #[derive(Debug, Default)]
 pub struct Cutter {
     bytes: Vec<u8, FRAME>,
-    /// More came than a frame has.
+    /// Whether the bytes are already longer than a frame.
     over: bool,
 }
 
 impl Cutter {
-    /// With nothing in it.
+    /// Before the first byte.
     pub const fn new() -> Self {
         Self {
             bytes: Vec::new(),
@@ -125,7 +126,7 @@ impl Cutter {
         }
     }
 
-    /// The next byte; a packet, or what was none, where a frame ends with it.
+    /// Takes the next byte. Returns a packet or an error if the byte ends a frame.
     pub fn push<T: for<'a> Deserialize<'a>>(
         &mut self,
         byte: u8,
@@ -138,7 +139,7 @@ impl Cutter {
         let frame = if over {
             Some(Err(FrameError::Length))
         } else if self.bytes.is_empty() {
-            // A zero too many begins a stream afresh.
+            // Extra zeros between frames are allowed.
             None
         } else {
             Some(decode(&mut self.bytes))

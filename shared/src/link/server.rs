@@ -9,48 +9,49 @@ use crate::recorder::Record;
 use crate::supervisor::Event;
 use crate::table::{Limits, ValidTable};
 
-/// What comes of a frame.
+/// The answer to a frame.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(
     clippy::large_enum_variant,
-    reason = "one at a time, and nothing to allocate a box from"
+    reason = "one at a time, and no allocator for a box"
 )]
 pub enum Answer {
-    /// Send this.
+    /// A packet to send.
     Reply(Packet<Reply>),
-    /// A table is to be kept or forgotten, which takes too long to hold the controller
-    /// for: see [`Server::table`], do it, then call [`Server::run`].
+    /// A table must be stored or deleted. This takes too long to hold the controller
+    /// meanwhile: get the table from [`Server::table`], carry out the job, then call
+    /// [`Server::run`].
     Table(Job),
 }
 
-/// What is asked about a table.
+/// A request that changes the stored table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Job {
-    /// Keep the one that came.
+    /// Store the uploaded table.
     Keep {
-        /// Bytes.
+        /// Length of the encoded table, bytes.
         length: u32,
-        /// CRC-32.
+        /// Checksum of the table, CRC-32.
         checksum: u32,
     },
-    /// Forget what was kept.
+    /// Delete the stored table.
     Forget,
 }
 
-/// Sessions and sequence numbers.
+/// The board's end of the link: sessions, sequence numbers and uploads.
 #[derive(Debug, Default)]
 pub struct Server {
-    /// 0 before the first.
+    /// Number of the session; 0 before the first.
     session: u32,
-    /// Of the last request that was carried out.
+    /// Sequence number of the last accepted request.
     sequence: u32,
-    /// What the last sessions were begun with.
+    /// Numbers in the `Hello` of the last sessions.
     nonces: HistoryBuf<u32, 8>,
     upload: Upload,
 }
 
 impl Server {
-    /// Before any session.
+    /// Before the first session.
     pub const fn new() -> Self {
         Self {
             session: 0,
@@ -60,8 +61,8 @@ impl Server {
         }
     }
 
-    /// Carries out a request, or says why not. A frame that is malformed, of
-    /// another session or not newer than the last changes nothing.
+    /// Carries out a request or refuses it. A frame that is malformed, of another session or
+    /// without a new sequence number changes nothing.
     pub fn answer(
         &mut self,
         incoming: Result<Packet<Request>, FrameError>,
@@ -79,12 +80,12 @@ impl Server {
         Answer::Reply(self.packet(sequence, outcome))
     }
 
-    /// The table to run after a job, with its checksum and whether it was sent, for a
-    /// board with these `limits`; `compiled` is the one that a board goes back to, with
-    /// its checksum.
+    /// The table to run after a job, with its checksum and whether it came over the link.
+    /// `limits` are the board's; `compiled` is the table compiled into the firmware, with its
+    /// checksum.
     ///
     /// # Errors
-    /// Where what came is no table that runs there.
+    /// If the uploaded bytes are not a valid table that the board can run.
     pub fn table(
         &self,
         job: Job,
@@ -100,8 +101,9 @@ impl Server {
         }
     }
 
-    /// The end of a job: the answer to it. `outcome` is the table to run from here on,
-    /// with its checksum and whether it was `sent`, or why there is none.
+    /// Ends a job and returns the reply to its request. `outcome` is the table to run from now
+    /// on, with its checksum and whether it came over the link, or the reason why the job
+    /// failed.
     pub fn run(
         &mut self,
         outcome: Result<(ValidTable, u32, bool), Refusal>,
@@ -122,7 +124,7 @@ impl Server {
         }
     }
 
-    /// A sample that waits to be sent, if there is a session for it.
+    /// The next telemetry sample to send, if there is one and a session has begun.
     pub fn telemetry(&self, controller: &mut Controller<'_>) -> Option<Packet<Reply>> {
         let telemetry = controller.telemetry()?;
         (self.session != 0).then_some(Packet {
@@ -145,7 +147,7 @@ impl Server {
                 return Err(Refusal::Replayed);
             }
             self.nonces.write(nonce);
-            // With the time in it a session that is played again is another one.
+            // The time makes the number of a replayed session differ.
             let at = controller.report().at;
             self.session = mix(nonce ^ mix(at as u32 ^ self.session)) | 1;
             self.sequence = packet.sequence;
@@ -156,7 +158,7 @@ impl Server {
         self.accept(packet, controller)?;
         let done = |()| Reply::Done;
         match packet.body {
-            // Above, and in `job`.
+            // Handled above and in `job`.
             Request::Hello(_) => Ok(Reply::Hello),
             Request::Keep(..) | Request::Forget => Err(Refusal::Frame),
             Request::Report => Ok(Reply::Report(controller.report())),
@@ -179,7 +181,7 @@ impl Server {
         }
     }
 
-    /// What a request asks about a table; none if it is about something else.
+    /// The job that a request asks for. None if it is another request.
     fn job(
         &mut self,
         packet: &Packet<Request>,
@@ -200,7 +202,7 @@ impl Server {
         Some(accepted)
     }
 
-    /// Whether a request belongs to the session and is new; it then counts.
+    /// Accepts a request that belongs to the session and is new.
     fn accept(
         &mut self,
         packet: &Packet<Request>,
@@ -218,6 +220,7 @@ impl Server {
     }
 }
 
+/// Up to [`CHUNK`] records from index `from` on.
 fn records<'a>(from: u32, get: impl Fn(usize) -> Option<&'a Record>) -> Reply {
     let mut records = Vec::new();
     for i in 0..CHUNK {
@@ -230,7 +233,7 @@ fn records<'a>(from: u32, get: impl Fn(usize) -> Option<&'a Record>) -> Reply {
     Reply::Records(records)
 }
 
-/// A hash (lowbias32's constants): equal numbers apart, close ones far apart.
+/// A hash with the constants of lowbias32, which spreads close numbers.
 fn mix(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7FEB_352D);

@@ -1,31 +1,31 @@
-//! A table on its way to the board, piece by piece.
+//! Upload of a table to the board, in pieces.
 
 use heapless::Vec;
 
 use crate::controller::Refusal;
 use crate::table::{Limits, TABLE_ROOM, ValidTable};
 
-/// Bytes of a table in one request.
+/// Largest number of bytes of a table in one request.
 pub const PIECE: usize = 256;
 
-/// What has come of a table so far.
+/// The pieces received so far.
 #[derive(Debug)]
 pub struct Upload {
     bytes: [u8; TABLE_ROOM],
 }
 
 impl Upload {
-    /// Nothing.
+    /// Before the first piece.
     pub const fn new() -> Self {
         Self {
             bytes: [0; TABLE_ROOM],
         }
     }
 
-    /// Puts a piece at its place.
+    /// Stores a piece at byte offset `at`.
     ///
     /// # Errors
-    /// Where a table is not that long.
+    /// [`Refusal::Range`] if it ends past [`TABLE_ROOM`].
     pub fn put(&mut self, at: u32, piece: &Vec<u8, PIECE>) -> Result<(), Refusal> {
         let at = at as usize;
         let place = at
@@ -36,11 +36,11 @@ impl Upload {
         Ok(())
     }
 
-    /// The table of the first `length` bytes.
+    /// The table encoded in the first `length` bytes.
     ///
     /// # Errors
-    /// Where they are none, or not the one whose checksum was given, or none that the
-    /// board can run.
+    /// [`Refusal::Range`] if `length` is above [`TABLE_ROOM`], [`Refusal::Table`] if the bytes
+    /// are not a valid table, do not match `checksum`, or exceed the board's `limits`.
     pub fn table(
         &self,
         length: u32,

@@ -1,13 +1,13 @@
-//! A table to begin with.
-#![allow(dead_code, reason = "each test file uses its part")]
+//! A table that the tests change as they need.
+#![allow(dead_code, reason = "no test uses all of it")]
 
 use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::{Adc, AdcCode, Dac, DacCode, LegForces};
-use shared::self_test::{Phasor, SelfTest};
 use shared::step::Demand;
-use shared::supervisor::Supervision;
-use shared::table::{Direct, FORMAT_VERSION, Feedback, Law, ModelDigest, Paths, Table};
+use shared::table::{
+    Direct, FORMAT_VERSION, Feedback, Law, ModelDigest, Paths, Phasor, SelfTest, Supervision, Table,
+};
 
 pub fn table() -> Table {
     Table {
@@ -65,7 +65,7 @@ pub const SELF_TEST: SelfTest = SelfTest {
     forces: [[Phasor::ZERO; LEGS]; LEGS],
 };
 
-/// The whole law and this on top.
+/// The law at full gain, and an injection in N.
 pub fn pushed(injection: [f32; LEGS]) -> Demand {
     Demand {
         injection: LegForces(injection),

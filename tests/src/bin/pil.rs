@@ -20,14 +20,14 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use firmware::exchange::{REPLY, REQUEST, parse_reply, request};
 use firmware::link_task::LinkTask;
-use firmware::loop_task::Board;
+use firmware::loop_task::BoardController;
 use firmware::ram_flash::RamFlash;
 use firmware::store::Store;
 use firmware::tables::{self, Entry};
 use host_gen::machine::Machine;
 use host_gen::simulation::Rig;
 use host_gen::study::Study;
-use shared::controller::{Refusal, Report};
+use shared::controller::{ControllerReport, Refusal};
 use shared::injection::{Injection, Signal};
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recording, Trigger};
@@ -186,7 +186,7 @@ fn in_the_loop(
     let settings = &study.machine.simulation;
     // One a run of this program and board, as on a board.
     let room = vec![Record::NONE; ROOM].leak();
-    let host: &'static Board = Box::leak(Box::new(Board::new()));
+    let host: &'static BoardController = Box::leak(Box::new(BoardController::new()));
     let store = Store::new(RamFlash::new(), 0..RamFlash::SIZE as u32);
     let mut session = Session {
         name: machine,
@@ -214,7 +214,7 @@ struct Session<'a> {
     name: &'a str,
     board: Option<Emulated>,
     rig: Rig,
-    host: &'static Board,
+    host: &'static BoardController,
     link: LinkTask<RamFlash>,
     session: u32,
     sequence: u32,
@@ -334,7 +334,7 @@ impl Session<'_> {
         )
     }
 
-    fn report(&self) -> Outcome<Report> {
+    fn report(&self) -> Outcome<ControllerReport> {
         let report = self.host.with(|controller| controller.report());
         report.ok_or_else(|| "no table".into())
     }

@@ -1,8 +1,8 @@
-//! The emulated board. UART 0 stands for the converters: each request carries the
-//! ADC codes of one sample and is answered with the DAC codes; the plant is at the
-//! other end of the line. UART 1 is the link.
+//! The emulated board. UART 0 replaces the converters: each request carries the ADC codes of
+//! one sample, and the reply carries the DAC codes. The plant is simulated at the other end
+//! of the line. UART 1 is the link.
 //!
-//! As on a board for the lab, the loop runs in an interrupt above all else, the
+//! As on the reference board, the loop runs in an interrupt of the highest priority, and the
 //! link below it.
 
 mod stop;
@@ -16,29 +16,29 @@ use cortex_m_rt::exception;
 use critical_section::Mutex;
 use firmware::exchange::{REQUEST, parse_request, refusal, reply};
 use firmware::link_task::LinkTask;
-use firmware::loop_task::Board;
+use firmware::loop_task::BoardController;
 use firmware::ram_flash::RamFlash;
 use firmware::store::Store;
 use firmware::tables::Entry;
 use heapless::Deque;
 use shared::recorder::Record;
 use shared::table::Limits;
-use uart::{Line, Receive};
+use uart::{Receiver, SerialPort};
 
-/// Records that the recorder has room for.
+/// Number of records that fit into the recorder.
 const ROOM: usize = 16_384;
 
-static BOARD: Board = Board::new();
+static BOARD: BoardController = BoardController::new();
 
-/// The request on the converters' line, as far as it has come.
-static CONVERTERS: Mutex<RefCell<(Option<Line>, [u8; REQUEST], usize)>> =
+/// The converters' line, and the part of a request received so far with its length.
+static CONVERTERS: Mutex<RefCell<(Option<SerialPort>, [u8; REQUEST], usize)>> =
     Mutex::new(RefCell::new((None, [0; REQUEST], 0)));
 
-/// Bytes from the host that the link task has not seen yet.
-static INCOMING: Mutex<RefCell<(Option<Receive>, Deque<u8, 1024>)>> =
+/// The link's receiver, and bytes from the host that the link task has not read yet.
+static INCOMING: Mutex<RefCell<(Option<Receiver>, Deque<u8, 1024>)>> =
     Mutex::new(RefCell::new((None, Deque::new())));
 
-/// Runs the controller of a machine for ever.
+/// Runs the controller of a machine. Never returns.
 pub fn run(entry: &'static Entry) -> ! {
     let (Some(room), Some(mut core)) = (
         cortex_m::singleton!(: [Record; ROOM] = [Record::NONE; ROOM]),
@@ -54,8 +54,8 @@ pub fn run(entry: &'static Entry) -> ! {
         CONVERTERS.borrow_ref_mut(cs).0 = Some(converters);
         INCOMING.borrow_ref_mut(cs).0 = Some(receive);
     });
-    // SAFETY: no critical section depends on the priorities, they all mask every
-    // interrupt; and all that the handlers use is in place.
+    // SAFETY: critical sections mask every interrupt, whatever its priority, and everything
+    // that the handlers use is initialised.
     unsafe {
         core.NVIC.set_priority(uart::CONVERTERS.interrupt, 0x00);
         core.NVIC.set_priority(uart::LINK.interrupt, 0x80);
@@ -70,9 +70,9 @@ pub fn run(entry: &'static Entry) -> ! {
         if let Some(frame) = link.idle(&BOARD) {
             send.write(&frame);
         }
-        // Asleep, not polling: the emulator then has the host's core for the
-        // lines. In a critical section, so that what comes between the look and the
-        // sleep stays pending and ends it.
+        // Sleeping instead of polling leaves the host's processor to the serial lines. In a
+        // critical section, so that an interrupt between the check and the sleep stays
+        // pending and ends the sleep.
         critical_section::with(|cs| {
             if INCOMING.borrow_ref(cs).1.is_empty() {
                 asm::wfi();
@@ -82,8 +82,8 @@ pub fn run(entry: &'static Entry) -> ! {
 }
 
 #[exception]
-// SAFETY: cortex-m-rt wants the default handler marked so; it touches nothing
-// that a critical section does not guard.
+// SAFETY: cortex-m-rt requires `unsafe` here. The handler uses only data guarded by critical
+// sections.
 unsafe fn DefaultHandler(number: i16) {
     if number == uart::CONVERTERS.interrupt.0 {
         critical_section::with(|cs| {
@@ -106,8 +106,8 @@ unsafe fn DefaultHandler(number: i16) {
             let (receive, incoming) = &mut *INCOMING.borrow_ref_mut(cs);
             let Some(receive) = receive else { return };
             while let Some(byte) = receive.read() {
-                // A host that sends faster than it is answered loses bytes, and
-                // with them a frame's checksum.
+                // If the host sends faster than it is answered, bytes are lost, and the
+                // checksum of the frame fails.
                 let _ = incoming.push_back(byte);
             }
         });

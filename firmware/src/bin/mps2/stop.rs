@@ -1,12 +1,12 @@
-//! How an image on the emulated board ends.
+//! The end of an image on the emulated board.
 
 use core::panic::PanicInfo;
 
 use cortex_m_semihosting::debug::{EXIT_FAILURE, EXIT_SUCCESS, ExitStatus, exit};
 use cortex_m_semihosting::hprintln;
 
-/// Ends the emulator with success.
-#[allow(dead_code, reason = "the controller's image never ends")]
+/// Ends the emulation with success.
+#[allow(dead_code, reason = "only the bench ends")]
 pub fn done() -> ! {
     stop(EXIT_SUCCESS)
 }

@@ -11,81 +11,80 @@ const BAUD_DIVISOR: usize = 0x10;
 
 const TRANSMIT_FULL: u32 = 1 << 0;
 const RECEIVE_FULL: u32 = 1 << 1;
-/// In [`INTERRUPT`]; written to clear it.
+/// In [`INTERRUPT`]; written to clear the interrupt.
 const RECEIVED: u32 = 1 << 1;
-/// Transmitter, receiver, and the receiver's interrupt.
+/// Enables the transmitter, the receiver and the receiver's interrupt.
 const ENABLE: u32 = 0b1011;
-/// The smallest the hardware accepts.
+/// Smallest baud divisor that the hardware accepts.
 const FASTEST: u32 = 16;
 
-/// A receiver's interrupt.
+/// Number of a receiver's interrupt.
 #[derive(Clone, Copy)]
 pub struct ReceiveInterrupt(pub i16);
 
-// SAFETY: only the two below are made, 0 and 2: the receivers of UARTs 0 and 1 on
-// both boards (Arm application notes 386 and 500, interrupt assignments), within
-// the NVIC's range.
+// SAFETY: the only values are 0 and 2 below, the receivers of UARTs 0 and 1 on both boards
+// (Arm application notes 386 and 500, interrupt assignments), within the NVIC's range.
 unsafe impl InterruptNumber for ReceiveInterrupt {
     fn number(self) -> u16 {
         self.0.cast_unsigned()
     }
 }
 
-/// Where a UART is.
+/// A UART at its address.
 #[derive(Clone, Copy)]
 pub struct Uart {
     base: usize,
-    /// Of its receiver.
+    /// Interrupt of the receiver.
     pub interrupt: ReceiveInterrupt,
 }
 
-/// In place of converters.
+/// The UART in place of the converters.
 pub const CONVERTERS: Uart = Uart {
     base: 0x4000_4000,
     interrupt: ReceiveInterrupt(0),
 };
 
-/// The link.
+/// The UART of the link.
 pub const LINK: Uart = Uart {
     base: 0x4000_5000,
     interrupt: ReceiveInterrupt(2),
 };
 
-/// A UART's sending half.
-pub struct Send(Uart);
+/// The transmitter of a UART.
+pub struct Transmitter(Uart);
 
-/// Its receiving half.
-pub struct Receive(Uart);
+/// The receiver of a UART.
+pub struct Receiver(Uart);
 
-/// Both.
-pub struct Line {
-    /// Out.
-    pub send: Send,
-    /// In.
-    pub receive: Receive,
+/// An open UART.
+pub struct SerialPort {
+    /// The transmitter.
+    pub send: Transmitter,
+    /// The receiver.
+    pub receive: Receiver,
 }
 
 impl Uart {
-    /// Switches it on. Call once.
-    pub fn open(self) -> Line {
+    /// Switches the UART on. To be called once.
+    pub fn open(self) -> SerialPort {
         self.set(BAUD_DIVISOR, FASTEST);
         self.set(CONTROL, ENABLE);
-        Line {
-            send: Send(self),
-            receive: Receive(self),
+        SerialPort {
+            send: Transmitter(self),
+            receive: Receiver(self),
         }
     }
 
     fn get(self, register: usize) -> u32 {
-        // SAFETY: an aligned register of a peripheral that both emulated boards
-        // have at this address. Reading takes a byte out at the most, which only
-        // the receiving half does.
+        // SAFETY: an aligned register of a peripheral that both emulated boards have at this
+        // address. Reading has one side effect, it removes a received byte, and only the
+        // receiver reads the data register.
         unsafe { core::ptr::with_exposed_provenance::<u32>(self.base + register).read_volatile() }
     }
 
     fn set(self, register: usize, value: u32) {
-        // SAFETY: as in `get`; the data register is written by the sending half
-        // alone, the interrupt by the receiving half.
+        // SAFETY: as in `get`. Only the transmitter writes the data register, and only the
+        // receiver the interrupt register.
         unsafe {
             core::ptr::with_exposed_provenance_mut::<u32>(self.base + register)
                 .write_volatile(value);
@@ -93,14 +92,14 @@ impl Uart {
     }
 }
 
-impl Line {
-    /// Apart.
-    pub fn split(self) -> (Send, Receive) {
+impl SerialPort {
+    /// Splits it into transmitter and receiver.
+    pub fn split(self) -> (Transmitter, Receiver) {
         (self.send, self.receive)
     }
 }
 
-impl Send {
+impl Transmitter {
     /// Sends all of `bytes`.
     pub fn write(&mut self, bytes: &[u8]) {
         for byte in bytes {
@@ -110,8 +109,8 @@ impl Send {
     }
 }
 
-impl Receive {
-    /// The byte that has come, if any. Its interrupt is cleared.
+impl Receiver {
+    /// The received byte, if there is one. Clears the interrupt.
     pub fn read(&mut self) -> Option<u8> {
         self.0.set(INTERRUPT, RECEIVED);
         // The register holds one byte.

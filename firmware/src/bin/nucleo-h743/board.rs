@@ -1,4 +1,5 @@
-//! The board: pins, what runs when. Everything else is the same on every board.
+//! The reference board: its pins, and what runs when. Everything else is the same on every
+//! board.
 
 use core::cell::RefCell;
 use core::mem::MaybeUninit;
@@ -6,7 +7,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::{DWT, NVIC};
 use critical_section::Mutex;
-// The log goes over the debugger, for whoever reads it.
+// The log is sent through the debugger, if one is connected.
 use defmt_rtt as _;
 use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{AfType, Flex, Input, Level, Output, OutputType, Pull, Speed};
@@ -19,7 +20,7 @@ use embedded_io::Write as _;
 use firmware::converters::ad5676r::Ad5676r;
 use firmware::converters::ad7606::Ad7606;
 use firmware::link_task::LinkTask;
-use firmware::loop_task::Board;
+use firmware::loop_task::BoardController;
 use firmware::store::Store;
 use firmware::{budget, tables};
 use shared::controller::{Health, Reading, Restart};
@@ -30,59 +31,67 @@ use crate::flash::{self, Sectors};
 use crate::guard::{self, Watchdog};
 use crate::{period, spi::Spi};
 
-/// Records that the recorder has room for: 288 KiB of the 512 of AXI SRAM.
+/// Number of records that fit into the recorder: 288 KiB of the 512 KiB of AXI SRAM.
 const ROOM: usize = 8192;
 
-/// Nothing writes it at start but `room`.
+/// Memory of the recorder, which only [`room`] initialises.
 #[unsafe(link_section = ".axi.room")]
 static mut RECORDS: MaybeUninit<[Record; ROOM]> = MaybeUninit::uninit();
 
-static BOARD: Board = Board::new();
+static BOARD: BoardController = BoardController::new();
 
-/// What the interrupt works with.
+/// The converters, used by the interrupt.
 struct Converters {
     adc: Ad7606<Spi, Input<'static>>,
     dac: Ad5676r<Spi>,
-    /// Whether the DAC answered when it was started.
+    /// Whether the DAC works: it answered at start, and its writes have not failed since.
     sound: bool,
-    /// Writes in a row that failed.
+    /// Consecutive writes that failed.
     failed: u32,
+    /// Whether the last sample missed its deadline.
     late: bool,
 }
 
 static CONVERTERS: Mutex<RefCell<Option<Converters>>> = Mutex::new(RefCell::new(None));
 
-/// Core cycles from the interrupt until the codes were written, the longest and the sum
-/// since it was last taken; counts of TIM1 at the interrupt, the earliest and the latest;
-/// samples.
+/// Largest number of core cycles from the interrupt until the codes were written.
 static LONGEST: AtomicU32 = AtomicU32::new(0);
+
+/// Sum of these cycles over the samples since the last [`report`].
 static SUM: AtomicU32 = AtomicU32::new(0);
+
+/// Smallest count of TIM1 at the interrupt.
 static EARLIEST: AtomicU32 = AtomicU32::new(u32::MAX);
+
+/// Largest count of TIM1 at the interrupt.
 static LATEST: AtomicU32 = AtomicU32::new(0);
+
+/// Samples since the start.
 static SAMPLES: AtomicU32 = AtomicU32::new(0);
 
-/// The latest end of a sample's work that the DAC takes over in time: cycles after the
-/// sample.
+/// Deadline for writing the codes, core cycles after the sample.
 static DEADLINE: AtomicU32 = AtomicU32::new(0);
 
-/// Core cycles in a period, and the count at the last interrupt; 0 before the first.
+/// Sample period, core cycles.
 static PERIOD: AtomicU32 = AtomicU32::new(0);
+
+/// Cycle count at the last interrupt; 0 before the first.
 static LAST: AtomicU32 = AtomicU32::new(0);
 
-/// Writes in a row that fail before the DAC's reset line takes over.
+/// Number of consecutive failed writes after which the DAC is held in reset.
 const HOPELESS: u32 = 3;
 
 bind_interrupts!(struct Interrupts {
     USART3 => usart::BufferedInterruptHandler<peripherals::USART3>;
 });
 
-/// The loop: above everything else.
+/// The loop, at the highest priority.
 #[interrupt]
 fn TIM1_CC() {
     let since = period::acknowledge();
     let start = DWT::cycle_count();
     let last = LAST.swap(start | 1, Ordering::Relaxed);
-    // A whole period went by without an interrupt.
+    // More than 1.5 periods since the last interrupt: one was missed.
     let missed = last != 0 && start.wrapping_sub(last) / 3 > PERIOD.load(Ordering::Relaxed) / 2;
     critical_section::with(|cs| {
         if let Some(converters) = &mut *CONVERTERS.borrow_ref_mut(cs) {
@@ -104,7 +113,7 @@ impl Converters {
     fn sample(&mut self) {
         let samples = self.adc.read().ok().map(Into::into);
         let reading = Reading {
-            // A board whose DAC does not answer has no business with a loop.
+            // Without a working DAC the samples count as lost, and the loop stays open.
             samples: samples.filter(|_| self.sound),
             late: self.late,
         };
@@ -129,16 +138,16 @@ fn alternate(pin: Peri<'static, embassy_stm32::gpio::AnyPin>, number: u8) {
         number,
         AfType::output(OutputType::PushPull, Speed::VeryHigh),
     );
-    // It stays what it is for ever.
+    // The pin keeps this function for ever.
     core::mem::forget(pin);
 }
 
-/// Runs the board for ever.
+/// Runs the board. Never returns.
 pub fn run() -> ! {
     let restart = guard::restart();
     guard::paint_stack();
     let p = clocks::start();
-    // Low: the DAC gives the middle of its range whatever comes.
+    // Low: the DAC's outputs stay in the middle of their range.
     let mut dac_reset = Output::new(p.PG14, Level::Low, Speed::Low);
     let watchdog = Watchdog::start();
     let Some(mut core) = cortex_m::Peripherals::take() else {
@@ -165,7 +174,7 @@ pub fn run() -> ! {
     let select = |pin: Peri<'static, embassy_stm32::gpio::AnyPin>| {
         Output::new(pin, Level::High, Speed::VeryHigh)
     };
-    // The ADC wants one reset after power has come.
+    // The ADC requires a reset after power-up.
     let mut adc_reset = Output::new(p.PE14, Level::High, Speed::Low);
     cortex_m::asm::delay(CORE / 1_000_000);
     adc_reset.set_low();
@@ -173,7 +182,7 @@ pub fn run() -> ! {
     let adc = Ad7606::new(adc, Input::new(p.PG12, Pull::Up));
     dac_reset.set_high();
     cortex_m::asm::delay(CORE / 1_000);
-    // Slowly, for reading back; then at the loop's pace.
+    // A slow clock for reading back, the loop's clock afterwards.
     let mut dac = Ad5676r::new(Spi::new(pac::SPI3, select(p.PD2.into()), Mbr::DIV64));
     let safe = BOARD.with(|controller| controller.table().safe_codes());
     let sound = safe.is_some_and(|safe| dac.start(safe).is_ok());
@@ -208,8 +217,8 @@ pub fn run() -> ! {
         panic!("the link's speed is one that the port has");
     };
     let (mut send, mut receive) = uart.split();
-    // SAFETY: critical sections mask every interrupt, whatever its priority; all that
-    // the handlers use is in place.
+    // SAFETY: critical sections mask every interrupt, whatever its priority, and everything
+    // that the handlers use is initialised.
     unsafe {
         core.NVIC.set_priority(interrupt::TIM1_CC, 0x00);
         core.NVIC.set_priority(interrupt::USART3, 0x80);
@@ -220,7 +229,7 @@ pub fn run() -> ! {
     let (mut seen, mut reported) = (0, 0);
     let mut fault = None;
     loop {
-        // A table that came over the link may have another period.
+        // A table that came over the link may have another sample rate.
         let table = BOARD.with(|controller| {
             let table = controller.table().get();
             (table.sample_rate, table.latch)
@@ -237,7 +246,7 @@ pub fn run() -> ! {
         }
         while let Ok(byte) = receive.read() {
             if let Some(frame) = link.on_byte(byte, &BOARD) {
-                // It can only fail where there is no port.
+                // Writing to the port's buffer cannot fail.
                 let _ = send.write_all(&frame);
             }
         }
@@ -245,7 +254,7 @@ pub fn run() -> ! {
             let _ = send.write_all(&frame);
         }
         let samples = SAMPLES.load(Ordering::Relaxed);
-        // The loop has run since, and here is the link.
+        // The loop has run since the last time, and this is the link.
         if samples != seen {
             seen = samples;
             watchdog.feed();
@@ -269,7 +278,7 @@ pub fn run() -> ! {
     }
 }
 
-/// Tells the controller how the processor does.
+/// Passes the timing of the last `count` samples and the stack use to the controller.
 fn report(restart: Restart, rate: f32, count: u32) {
     let sum = SUM.swap(0, Ordering::Relaxed);
     let ns = |units: u32, clock: u32| (u64::from(units) * 1_000_000_000 / u64::from(clock)) as u32;
@@ -287,14 +296,14 @@ fn report(restart: Restart, rate: f32, count: u32) {
     BOARD.with(|controller| controller.set_health(health));
 }
 
-/// The recorder's memory.
+/// The memory of the recorder. To be called once.
 fn room() -> &'static mut [Record] {
     let start = (&raw mut RECORDS).cast::<Record>();
     for i in 0..ROOM {
-        // SAFETY: within the array, and nobody has it yet.
+        // SAFETY: within the array, and there is no other reference to it.
         unsafe { start.add(i).write(Record::NONE) };
     }
-    // SAFETY: all of it was written just now; `run` calls this once and never ends.
+    // SAFETY: every record was written above, and `run` calls this once and never returns.
     unsafe { core::slice::from_raw_parts_mut(start, ROOM) }
 }
 

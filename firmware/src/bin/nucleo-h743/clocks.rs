@@ -9,9 +9,9 @@
 //! | TIM1 | 240 | twice its APB: 4 ns a count |
 //! | SPI1, SPI3 | 112 | PLL2 P: 14 MHz for the ADC, which takes 14.5; 28 for the DAC, 50 |
 //!
-//! The instruction cache is on, for the link and what else runs from flash. The data
-//! cache stays off: the loop's data are in DTCM, which it does not serve, and without
-//! it nothing has to be kept coherent.
+//! The instruction cache is on, for the link and the other code that runs from flash. The
+//! data cache is off: the loop's data are in DTCM, which has no cache, and without a data
+//! cache nothing has to be kept coherent.
 
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
@@ -20,13 +20,13 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, Peripherals};
 
-/// Of the core, Hz.
+/// Clock of the core, Hz.
 pub const CORE: u32 = firmware::budget::CORE as u32;
 
-/// Of TIM1, Hz.
+/// Clock of TIM1, Hz.
 pub const TIMER: u32 = 240_000_000;
 
-/// Sets all of it.
+/// Sets all clocks.
 pub fn start() -> Peripherals {
     let mut config = Config::default();
     let rcc = &mut config.rcc;

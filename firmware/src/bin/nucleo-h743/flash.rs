@@ -1,4 +1,4 @@
-//! The last two sectors of flash bank 2, where a table is kept.
+//! The last two sectors of flash bank 2, which store a table.
 
 use embassy_stm32::flash::{Blocking, Error, Flash};
 use embassy_stm32::pac::FLASH;
@@ -8,30 +8,30 @@ use embedded_storage_async::nor_flash::{
 
 use crate::guard::Watchdog;
 
-/// Of a sector.
+/// Size of a sector, bytes.
 const SECTOR: usize = 128 * 1024;
 
-/// Of both.
+/// Size of both sectors, bytes.
 pub const SIZE: u32 = 2 * SECTOR as u32;
 
-/// What is written, and corrected, at once.
+/// Size of a flash word, the unit of writing and of error correction, bytes.
 const WORD: usize = 32;
 
-/// From the start of flash.
+/// Offset of the sectors from the start of flash, bytes.
 const OFFSET: u32 = 2048 * 1024 - SIZE;
 
-/// Where flash is.
+/// Address of flash.
 const BASE: usize = 0x0800_0000;
 
-/// Both sectors. While one is erased or written the image in bank 1 goes on, loop
-/// included.
+/// Both sectors. While one is erased or written, the image in bank 1 keeps running, including
+/// the loop.
 pub struct Sectors(pub Flash<'static, Blocking>);
 
-/// What the flash says.
+/// An error of the flash.
 #[derive(Debug)]
-pub struct Failed(Error);
+pub struct FlashError(Error);
 
-impl NorFlashError for Failed {
+impl NorFlashError for FlashError {
     fn kind(&self) -> NorFlashErrorKind {
         match self.0 {
             Error::Size => NorFlashErrorKind::OutOfBounds,
@@ -42,21 +42,21 @@ impl NorFlashError for Failed {
 }
 
 impl ErrorType for Sectors {
-    type Error = Failed;
+    type Error = FlashError;
 }
 
 impl ReadNorFlash for Sectors {
     const READ_SIZE: usize = 1;
 
-    /// A word whose writing was cut off by a power failure may not match its error
-    /// correction; reading it would be a bus fault. It is read as zeros, which is no
-    /// item of the store's.
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failed> {
+    /// Reads bytes. A flash word whose writing was interrupted by a loss of power may fail its
+    /// error correction, which would be a bus fault. Such a word reads as zeros, which are not
+    /// a valid item of the store.
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         if offset + bytes.len() as u32 > SIZE {
-            return Err(Failed(Error::Size));
+            return Err(FlashError(Error::Size));
         }
         let start = BASE + (OFFSET + offset) as usize;
-        // A little at a time: the loop waits meanwhile.
+        // One word at a time, because the loop waits meanwhile.
         for (i, part) in bytes.chunks_mut(WORD).enumerate() {
             read_part(start + i * WORD, part);
         }
@@ -68,11 +68,12 @@ impl ReadNorFlash for Sectors {
     }
 }
 
+/// Reads bytes of one flash word, as zeros if its error correction fails.
 fn read_part(start: usize, bytes: &mut [u8]) {
     let bank = FLASH.bank(1);
     critical_section::with(|_| {
-        // SAFETY: faults of data accesses are ignored from here to the end, and looked at
-        // in the flash's own status; no interrupt comes in between.
+        // SAFETY: bus faults of data accesses are ignored within this block and checked
+        // afterwards in the status of the flash. No interrupt can occur in between.
         unsafe {
             let scb = &*cortex_m::peripheral::SCB::PTR;
             let ccr = scb.ccr.read();
@@ -91,21 +92,22 @@ fn read_part(start: usize, bytes: &mut [u8]) {
     });
 }
 
-/// Of the configuration and control register: data faults are ignored where the mask
-/// of all faults is set.
+/// Bit of the configuration and control register: bus faults of data accesses are ignored
+/// while FAULTMASK is set.
 const BFHFNMIGN: u32 = 1 << 8;
 
 impl NorFlash for Sectors {
     const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = SECTOR;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Failed> {
-        Watchdog::while_slow(|| self.0.blocking_erase(OFFSET + from, OFFSET + to)).map_err(Failed)
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        Watchdog::while_slow(|| self.0.blocking_erase(OFFSET + from, OFFSET + to))
+            .map_err(FlashError)
     }
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failed> {
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         self.0
             .blocking_write(OFFSET + offset, bytes)
-            .map_err(Failed)
+            .map_err(FlashError)
     }
 }

@@ -1,5 +1,5 @@
-//! What holds when all else fails: a panic, a hard fault or the watchdog takes the
-//! forces away first, then notes why, then starts over.
+//! The response to a panic or a hard fault: remove the forces, store the cause, restart. And
+//! the watchdog, whose reset removes the forces too.
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -9,19 +9,22 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use embassy_stm32::pac::{GPIOG, IWDG1, RCC, iwdg};
 use shared::controller::Restart;
 
-/// DAC RESET, PG14: low while nobody drives it, by a resistor.
+/// Pin of the DAC's RESET, PG14. A resistor holds it low while the processor does not drive
+/// it.
 pub const DAC_RESET: usize = 14;
 
-/// Survives a restart, not the loss of power.
+/// The stored cause of a restart. It survives a restart, but not a loss of power.
 #[unsafe(link_section = ".uninit.note")]
 static NOTE: AtomicU32 = AtomicU32::new(0);
 
-/// Not what memory holds by chance when power comes.
+/// Stored for a panic. Memory is unlikely to hold this value by chance at power-up.
 const PANIC: u32 = 0x5AFE_0001;
+
+/// Stored for a hard fault.
 const HARD_FAULT: u32 = 0x5AFE_0002;
 
-/// Takes all forces away: the DAC goes to the middle of its range by itself, and stays
-/// there until it is started again.
+/// Removes all forces: holds the DAC in reset, so that its outputs are in the middle of their
+/// range until it is started again.
 pub fn hold_safe() {
     GPIOG.bsrr().write(|w| w.set_br(DAC_RESET, true));
 }
@@ -43,14 +46,14 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 }
 
 #[exception]
-// SAFETY: cortex-m-rt wants it marked so; it touches one register and one atomic.
+// SAFETY: cortex-m-rt requires `unsafe` here. The handler uses one register and one atomic.
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     hold_safe();
     defmt::error!("hard fault at {=u32:#x}", frame.pc());
     stop(HARD_FAULT)
 }
 
-/// Why the processor started; asked once.
+/// The cause of the start. To be called once: it clears the flags.
 pub fn restart() -> Restart {
     let flags = RCC.rsr().read();
     RCC.rsr().modify(|w| w.set_rmvf(true));
@@ -67,7 +70,7 @@ pub fn restart() -> Restart {
 pub struct Watchdog(());
 
 impl Watchdog {
-    /// Starts it: 50 ms, a thousand samples at 20 kHz.
+    /// Starts the watchdog with a time-out of 50 ms, which is 1000 samples at 20 kHz.
     pub fn start() -> Self {
         let watchdog = Self(());
         IWDG1.kr().write(|w| w.set_key(iwdg::vals::Key::START));
@@ -75,12 +78,12 @@ impl Watchdog {
         watchdog
     }
 
-    /// Loop and link are both alive.
+    /// Restarts the time-out. To be called when both loop and link have run.
     pub fn feed(&self) {
         IWDG1.kr().write(|w| w.set_key(iwdg::vals::Key::RESET));
     }
 
-    /// Waits for something that takes seconds, legs at rest.
+    /// Runs `act`, which may take seconds, with a longer time-out. The legs must be at rest.
     pub fn while_slow<T>(act: impl FnOnce() -> T) -> T {
         let watchdog = Self(());
         watchdog.set(SLOW);
@@ -89,7 +92,7 @@ impl Watchdog {
         result
     }
 
-    /// `reload` counts of 32 kHz/64.
+    /// Sets the time-out to `reload` counts of 32 kHz/64.
     fn set(&self, reload: u16) {
         while IWDG1.sr().read().0 != 0 {}
         IWDG1.kr().write(|w| w.set_key(iwdg::vals::Key::ENABLE));
@@ -100,8 +103,10 @@ impl Watchdog {
     }
 }
 
-/// 50 ms, and 8 s for the erasing of a sector, of 128 KiB: 4 s at the most (data sheet).
+/// Time-out of 50 ms.
 const NORMAL: u16 = 25;
+
+/// Time-out of 8 s. Erasing a sector of 128 KiB takes up to 4 s (data sheet).
 const SLOW: u16 = 4000;
 
 unsafe extern "C" {
@@ -109,16 +114,16 @@ unsafe extern "C" {
     static mut _stack_start: u32;
 }
 
-/// What the stack is painted with.
+/// The value of stack words that were never used.
 const PAINT: u32 = 0xC0DE_C0DE;
 
-/// Paints what is not in use of the stack yet.
+/// Fills the unused stack with [`PAINT`].
 pub fn paint_stack() {
     let mut at = &raw mut _stack_end;
     let here = cortex_m::register::msp::read() as usize;
-    // Below what this function itself may use.
+    // Leaves room for this function's own stack frame.
     while (at as usize) < here.saturating_sub(512) {
-        // SAFETY: between the stack's end and its pointer, where nothing lives.
+        // SAFETY: between the end of the stack and the stack pointer, which is unused.
         unsafe {
             at.write_volatile(PAINT);
             at = at.add(1);
@@ -131,20 +136,20 @@ pub fn unused_stack() -> u32 {
     let (mut at, top) = (&raw const _stack_end, &raw const _stack_start);
     let mut unused = 0;
     while at < top {
-        // SAFETY: within the stack; words are read whole.
+        // SAFETY: an aligned word within the stack.
         let word = unsafe { at.read_volatile() };
         if word != PAINT {
             break;
         }
         unused += 4;
-        // SAFETY: up to one past its top.
+        // SAFETY: at most one past the top of the stack.
         at = unsafe { at.add(1) };
     }
     unused
 }
 
-// Copies the loop's code to where it runs, before anything of it is called: cortex-m-rt
-// calls this first. The linker script gives both ends, aligned to words.
+// Copies the loop's code to ITCM before any of it is called: cortex-m-rt calls this first.
+// The linker script defines both ends, aligned to words.
 core::arch::global_asm!(
     ".section .text.__pre_init, \"ax\"",
     ".global __pre_init",

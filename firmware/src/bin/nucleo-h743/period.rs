@@ -1,4 +1,4 @@
-//! The period: TIM1 alone says when things happen.
+//! The sample period: TIM1 alone determines when things happen.
 //!
 //! ```text
 //!            0                 READ                    latch         T
@@ -7,9 +7,9 @@
 //! CH3  ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔└──┘▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔  LDAC
 //! ```
 //!
-//! CH3 together with CH4 makes the LDAC pulse (combined PWM mode 2: both references;
-//! RM0433, chapter 38), so that it may lie anywhere in the period; a latch later than
-//! T lies in the next one, before that one's codes are written.
+//! CH3 and CH4 together make the LDAC pulse (combined PWM mode 2: both references; RM0433,
+//! chapter 38), so that it may be anywhere in the period. A latch later than T is in the next
+//! period, before the codes of that one are written.
 
 use embassy_stm32::pac::timer::{regs, vals};
 use embassy_stm32::pac::{RCC, TIM1};
@@ -18,15 +18,15 @@ use firmware::budget::READ;
 
 use crate::clocks::TIMER;
 
-/// CONVST and LDAC, s; both converters want 25 ns at the most.
+/// Length of the CONVST and LDAC pulses, s. Both converters accept pulses of 25 ns.
 const PULSE: f32 = 1e-6;
 
 fn counts(seconds: f32) -> u32 {
-    // A cast holds what does not fit at the ends.
+    // The cast saturates.
     (seconds * TIMER as f32 + 0.5) as u32
 }
 
-/// Counts in a period of `rate` Hz, its prescaler, and the compare value of a time.
+/// Counts in a period of `rate` Hz, and the prescaler.
 fn division(rate: f32) -> (u32, u32) {
     let whole = counts(1.0 / rate);
     // The counter has sixteen bits.
@@ -34,8 +34,8 @@ fn division(rate: f32) -> (u32, u32) {
     (whole / (prescaler + 1), prescaler)
 }
 
-/// Starts over with this sample rate, Hz, and latch, s after the sample. Nothing is
-/// converted, latched or interrupted in between.
+/// Restarts the timer with this sample rate, Hz, and latch, s after the sample. Nothing is
+/// converted or latched, and no interrupt occurs, until it runs again.
 pub fn start(rate: f32, latch: f32) {
     RCC.apb2enr().modify(|w| w.set_tim1en(true));
     let (period, prescaler) = division(rate);
@@ -43,7 +43,7 @@ pub fn start(rate: f32, latch: f32) {
     let t = TIM1;
     t.cr1().write(|w| w.set_cen(false));
     t.dier().write(|_| {});
-    // Up to 65,536.
+    // At most 65,536.
     t.arr().write(|w| w.set_arr((period - 1) as u16));
     t.psc().write_value(prescaler as u16);
     t.ccr(0).write(|w| w.set_ccr(at(PULSE)));
@@ -55,7 +55,7 @@ pub fn start(rate: f32, latch: f32) {
     // CH1: PWM mode 1. CH2: its flag only.
     t.ccmr_output(0)
         .write(|w| w.set_ocm(0, vals::OcmGp::PWM_MODE1));
-    // CH3: from its own time on, and until CH4's.
+    // CH3: from its own compare value until CH4's.
     t.ccmr_output(1).write(|w| {
         w.set_ocm(0, vals::OcmGp::COMBINED_PWM_MODE_2);
         w.set_ocm(1, vals::OcmGp::PWM_MODE1);
@@ -63,18 +63,18 @@ pub fn start(rate: f32, latch: f32) {
     t.ccer().write(|w| {
         w.set_cce(0, true);
         w.set_cce(2, true);
-        // Low while it pulses.
+        // The pulse is low.
         w.set_ccp(2, true);
     });
     t.bdtr().write(|w| w.set_moe(true));
-    // Takes the prescaler over.
+    // Loads the prescaler.
     t.egr().write(|w| w.set_ug(true));
     t.sr().write_value(regs::SrAdv(0));
     t.dier().write(|w| w.set_ccie(1, true));
     t.cr1().write(|w| w.set_cen(true));
 }
 
-/// Counts of TIM1's clock since the sample, at the interrupt, whose flag is cleared.
+/// Clears the interrupt flag. Returns the time since the sample in counts of TIM1's clock.
 pub fn acknowledge() -> u32 {
     TIM1.sr().write_value(regs::SrAdv(!(1 << 2)));
     let prescaler = u32::from(TIM1.psc().read()) + 1;

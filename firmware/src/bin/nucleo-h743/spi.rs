@@ -1,25 +1,25 @@
-//! A loop's SPI: frames of up to sixteen bytes, polled, no more than the bus needs.
-//! (STM32H742, H743 reference manual RM0433, chapter 50.)
+//! The SPI of the loop: frames of up to sixteen bytes, polled, with little overhead
+//! (STM32H742, H743 reference manual RM0433, chapter 50).
 
 use embassy_stm32::gpio::Output;
 use embassy_stm32::pac::spi::{Spi as Registers, vals};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
-/// Bytes in the peripheral's queue, and so in a frame.
+/// Size of the peripheral's FIFO and so the largest frame, bytes.
 const QUEUE: usize = 16;
 
-/// Looks at the status before the peripheral is taken for dead: far longer than a frame.
+/// Reads of the status before a frame counts as failed. They take far longer than a frame.
 const PATIENCE: u32 = 20_000;
 
-/// A device with a select line of its own.
+/// A device on an SPI bus, with its own select line.
 pub struct Spi {
     registers: Registers,
     select: Output<'static>,
 }
 
 impl Spi {
-    /// In mode 2 (SCLK idles high, taken on the falling edge) at the kernel's clock
-    /// divided by `divider`. Its pins and its clock are on.
+    /// Sets mode 2 (SCLK idles high, sampled on the falling edge) and the kernel clock divided
+    /// by `divider`. The pins and the clock of the peripheral must be on.
     pub fn new(registers: Registers, select: Output<'static>, divider: vals::Mbr) -> Self {
         registers.cr1().write(|w| w.set_ssi(true));
         registers.cfg1().write(|w| {
@@ -37,12 +37,12 @@ impl Spi {
         Self { registers, select }
     }
 
-    /// Another clock.
+    /// Changes the divider of the clock.
     pub fn set_divider(&mut self, divider: vals::Mbr) {
         self.registers.cfg1().modify(|w| w.set_mbr(divider));
     }
 
-    /// Sends `bytes` and puts what came meanwhile in their place.
+    /// Sends `bytes` and replaces them with the received ones.
     fn exchange(&mut self, bytes: &mut [u8]) -> Result<(), ErrorKind> {
         let r = self.registers;
         if bytes.is_empty() || bytes.len() > QUEUE {
@@ -97,7 +97,7 @@ impl SpiDevice for Spi {
                         None => Err(ErrorKind::Other),
                     }
                 }
-                // Neither converter's driver asks for one.
+                // The drivers of the converters use neither.
                 Operation::Transfer(..) | Operation::DelayNs(_) => Err(ErrorKind::Other),
             });
         }

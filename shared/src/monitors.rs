@@ -1,4 +1,4 @@
-//! The monitors: what is wrong with sensors, outputs and the board.
+//! The monitors: faults of sensors, outputs and the board, found in every sample.
 
 use crate::LEGS;
 use crate::codes::{AdcCode, DacCode, Samples};
@@ -6,60 +6,76 @@ use crate::step::Status;
 use crate::supervisor::{Cause, Mode};
 use crate::table::{Table, ValidTable};
 
-/// Sensors of both kinds.
+/// Number of sensors of both kinds.
 const SENSORS: usize = 2 * LEGS;
 
-/// Samples over which a sensor's usual jump is averaged.
+/// Time constant of the average of a sensor's jumps from sample to sample, samples.
 const USUAL: i32 = 64;
 
-/// A spike is this many times larger: no vibration is, whatever its frequency.
+/// Smallest ratio of a spike to the average jump. A vibration of any frequency stays below
+/// it.
 const FAR: i32 = 8;
 
-/// What the monitors remember.
+/// The state of the monitors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Watch {
+pub struct Monitors {
+    /// Consecutive samples at a rail.
     rail: [u32; SENSORS],
+    /// Consecutive samples with the same code.
     still: [u32; SENSORS],
+    /// The previous codes.
     before: [AdcCode; SENSORS],
-    /// From sample to sample, the last three of them, the oldest first.
+    /// The last three differences between consecutive codes, the oldest first.
     jumps: [[i32; SENSORS]; 3],
-    /// Their usual size: its average of late, times [`USUAL`].
+    /// [`USUAL`] times the recent average of their absolute values.
     level: [i32; SENSORS],
-    /// Spikes in the last second, and how much of that is over.
+    /// Spikes in the current second.
     spikes: [u32; SENSORS],
+    /// Samples of the current second.
     second: u32,
+    /// Consecutive samples that could not be read.
     lost: u32,
+    /// Four times the clamped samples, less one for each sample that was not.
     saturated: u32,
+    /// Samples since the last valid frame, while the legs are driven.
     silence: u32,
-    /// The one under way and the one before, by turns: to copy one would take longer
-    /// than all the rest.
-    windows: [Window; 2],
-    /// Which is under way, and how far the other was concluded.
+    /// The current and the previous window, which alternate: a copy would take longer than
+    /// everything else.
+    windows: [WindowSums; 2],
+    /// Whether the second of `windows` is the current one.
     turn: bool,
+    /// The next part of the previous window to evaluate.
     stage: usize,
+    /// Variance of each sensor in the previous window, squared sensor units.
     variances: [f32; SENSORS],
-    /// Windows in a row in which a sensor was strange.
+    /// Consecutive windows in which a sensor was implausible.
     strange: [u32; SENSORS],
-    /// Variance of the forces in the window before, of their limits.
+    /// Largest variance of a leg force in the last evaluated window, relative to the square
+    /// of its limit.
     power: f32,
+    /// Consecutive windows in which it grew.
     grown: u32,
 }
 
 /// Sums over a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Window {
+struct WindowSums {
+    /// Samples.
     count: u32,
+    /// Missed deadlines.
     late: u32,
-    /// The sensors' codes at its start, from which the sums count.
+    /// The sensors' codes at the start of the window. The sums are of differences from
+    /// these.
     origin: [AdcCode; SENSORS],
     sums: [i64; SENSORS],
     squares: [i64; SENSORS],
-    /// The outputs at its start, and sums and squares from there, codes.
+    /// The outputs at the start of the window.
     start: [DacCode; LEGS],
+    /// Sum and sum of squares of the differences from `start`, codes.
     forces: [(f32, f32); LEGS],
 }
 
-impl Window {
+impl WindowSums {
     const EMPTY: Self = Self {
         count: 0,
         late: 0,
@@ -71,7 +87,7 @@ impl Window {
     };
 }
 
-/// A table's sensors in one row: six, and the six beside them if there are any.
+/// The codes of the six sensors, then those of the six force sensors.
 fn in_row(samples: Samples) -> [AdcCode; SENSORS] {
     let mut row = [AdcCode(0); SENSORS];
     let both = samples.sensors.iter().chain(&samples.forces);
@@ -81,6 +97,7 @@ fn in_row(samples: Samples) -> [AdcCode; SENSORS] {
     row
 }
 
+/// Number of sensors that the table uses.
 fn count(table: &Table) -> usize {
     if table.complement().is_some() {
         SENSORS
@@ -89,7 +106,8 @@ fn count(table: &Table) -> usize {
     }
 }
 
-/// Bit i where `is(i)`, of the sensors that the table has.
+/// A mask with bit i set where `is(i)`, of the sensors that the table uses. None if no bit
+/// is set.
 fn mask(table: &Table, is: impl Fn(usize) -> bool) -> Option<u16> {
     let mut bits = 0;
     for i in 0..count(table) {
@@ -100,8 +118,8 @@ fn mask(table: &Table, is: impl Fn(usize) -> bool) -> Option<u16> {
     (bits != 0).then_some(bits)
 }
 
-impl Watch {
-    /// With nothing seen yet.
+impl Monitors {
+    /// Before the first sample.
     pub const NEW: Self = Self {
         rail: [0; SENSORS],
         still: [0; SENSORS],
@@ -113,7 +131,7 @@ impl Watch {
         lost: 0,
         saturated: 0,
         silence: 0,
-        windows: [Window::EMPTY; 2],
+        windows: [WindowSums::EMPTY; 2],
         turn: false,
         stage: usize::MAX,
         variances: [0.0; SENSORS],
@@ -122,20 +140,21 @@ impl Watch {
         grown: 0,
     };
 
-    /// A frame came over the link.
+    /// To be called when a valid frame arrived on the link.
     pub fn heard(&mut self) {
         self.silence = 0;
     }
 
-    /// A sample was not read.
+    /// To be called instead of [`Monitors::see`] when a sample could not be read.
     pub fn lost(&mut self, table: &ValidTable) -> Option<Cause> {
         self.lost = self.lost.saturating_add(1);
         (self.lost >= table.get().supervision.lost).then_some(Cause::Lost)
     }
 
-    /// One sample with what the step made of it; `late` if the deadline before it
-    /// was missed, `calm` if nothing is injected: legs that jump, as those that are at
-    /// their limits do, make jumps in the sensors.
+    /// Checks one sample with the output and status of its step, and returns the first
+    /// fault found. `late` says that the previous deadline was missed, `calm` that nothing
+    /// is injected: forces that jump, as injected and clamped ones may, cause jumps in the
+    /// sensors that are no spikes.
     pub fn see(
         &mut self,
         table: &ValidTable,
@@ -166,7 +185,7 @@ impl Watch {
         self.count_spikes(table, codes, calm && !status.clamped);
         self.before = codes;
         if mode.is_loop() && status.clamped {
-            // Four steps up and one down: a limit cycle that is clamped in some of
+            // Four up and one down, so that a limit cycle that is clamped in only some of
             // its samples counts too.
             self.saturated = self.saturated.saturating_add(4);
         } else {
@@ -228,7 +247,7 @@ impl Watch {
         for i in 0..count(table) {
             let limit = i32::from(limits[i / LEGS]);
             let size = there[i].abs().min(back[i].abs());
-            // Quiet before, and back to about where it was.
+            // Quiet before it, and then back near the old value.
             let alone = 4 * first[i].abs() <= size && 2 * (there[i] + back[i]).abs() <= size;
             let far = size >= limit && size >= FAR * self.level[i] / USUAL;
             self.spikes[i] += u32::from(limit > 0 && alone && far && calm);
@@ -237,8 +256,8 @@ impl Watch {
         self.jumps = [there, back, now];
     }
 
-    /// The window under way, and the one before.
-    fn windows(&mut self) -> (&mut Window, &mut Window) {
+    /// The current and the previous window.
+    fn windows(&mut self) -> (&mut WindowSums, &mut WindowSums) {
         let [a, b] = &mut self.windows;
         if self.turn { (b, a) } else { (a, b) }
     }
@@ -246,10 +265,10 @@ impl Watch {
     fn add(&mut self, table: &Table, codes: [AdcCode; SENSORS], dac: [DacCode; LEGS], late: bool) {
         let (w, _) = self.windows();
         if w.count == 0 {
-            *w = Window {
+            *w = WindowSums {
                 origin: codes,
                 start: dac,
-                ..Window::EMPTY
+                ..WindowSums::EMPTY
             };
         }
         w.count += 1;
@@ -267,8 +286,8 @@ impl Watch {
         }
     }
 
-    /// The next part of what a window that has ended says: a sensor a sample, then a
-    /// kind, then the forces. All at once would be the longest sample of all.
+    /// Evaluates the next part of the previous window: one sensor per sample, then one kind
+    /// of sensor, then the forces. Everything at once would make this the longest sample.
     fn conclude(&mut self, table: &Table, mode: Mode) -> Option<Cause> {
         let stage = self.stage;
         self.stage = stage.saturating_add(1);
@@ -282,7 +301,7 @@ impl Watch {
         None
     }
 
-    /// A sensor's variance, in its own unit.
+    /// The variance of a sensor, in its squared unit.
     fn variance(&mut self, table: &Table, sensor: usize) {
         let beside = table.complement().map(|complement| &complement.sensors);
         let kind = if sensor < LEGS {
@@ -306,7 +325,7 @@ impl Watch {
         }
     }
 
-    /// A kind's sensors with each other.
+    /// Compares the sensors of one kind with each other.
     fn compare(&mut self, table: &Table, kind: usize) {
         let limits = &table.supervision;
         let (Some(variances), Some(strange)) = (
@@ -326,12 +345,12 @@ impl Watch {
         }
     }
 
-    /// The forces, and what all of it comes to.
+    /// Evaluates the forces, and returns the fault of the window, if any.
     fn power(&mut self, table: &Table, mode: Mode) -> Option<Cause> {
         let limits = &table.supervision;
         let (_, w) = self.windows();
         let n = w.count as f32;
-        // About its mean: what is slow, as the loop's own motion, is no part of it.
+        // About the mean, so that slow changes, such as the loop's own motion, do not count.
         let power = (0..LEGS)
             .map(|i| {
                 let stroke = table.actuators[i].gain * table.actuators[i].limit;
@@ -343,7 +362,7 @@ impl Watch {
         let grows = mode.is_loop()
             && power > limits.growth * self.power
             && power > limits.level * limits.level;
-        // What is still below the level may have begun to grow.
+        // Growth counts from below the level too.
         let begins = mode.is_loop() && power > limits.growth * self.power;
         self.grown = if begins { self.grown + 1 } else { 0 };
         self.power = power;

@@ -1,0 +1,4 @@
+//! The rooms of the firmware, checked as those of `shared`.
+
+#[path = "../../shared/tests/rooms.rs"]
+mod rooms;
