@@ -107,7 +107,7 @@ impl Display for Zeros {
         )?;
         writeln!(
             f,
-            "  High gain moves the closed loop's poles onto them: there the loop has no hold."
+            "  High gain moves the poles of the closed loop to them: there the loop cannot act."
         )?;
         for kind in &self.kinds {
             writeln!(f, "  {} feedback", kind.feedback)?;
@@ -126,7 +126,7 @@ impl Display for Zeros {
             if kind.unstable {
                 writeln!(
                     f,
-                    "    {WARNING}Warning:{WARNING:#} a zero grows. What is left with the sensors held is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can hold it."
+                    "    {WARNING}Warning:{WARNING:#} a zero is unstable. With the sensor outputs held at zero, the machine is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can stabilise it."
                 )?;
             }
         }
@@ -432,7 +432,7 @@ impl Display for Robustness {
         let r = &self.result;
         writeln!(
             f,
-            "{TITLE}The controller of {} on {} machines about it{TITLE:#}",
+            "{TITLE}The controller of {} on {} randomly perturbed machines{TITLE:#}",
             self.machine, r.samples
         )?;
         writeln!(
@@ -664,7 +664,7 @@ impl Display for Compared {
         let of_loop = |c: &Column, cell: &dyn Fn(&Shaped) -> String| {
             c.shaped
                 .as_ref()
-                .map_or_else(|| "not reached".to_owned(), cell)
+                .map_or_else(|| "unreachable".to_owned(), cell)
         };
         line(&mut rows, "peak sensitivity", &|c| {
             of_loop(c, &|r| format!("{:.3}", r.peak_sensitivity.value))

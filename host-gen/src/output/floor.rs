@@ -167,10 +167,13 @@ impl Display for Floors {
             row
         });
         write_table(f, 2, 2, [head].into_iter().chain(rows))?;
-        writeln!(f, "  The shares are of the closed loop's power.")?;
         writeln!(
             f,
-            "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   closed mostly from"
+            "  The shares are those of the power with the loop closed."
+        )?;
+        writeln!(
+            f,
+            "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   main source, closed"
         )?;
         for (open, closed) in self.open.thirds.iter().zip(&self.closed.thirds) {
             writeln!(
@@ -185,7 +188,7 @@ impl Display for Floors {
         let name = |side: &Side| side.criterion.unwrap_or("none of VC-A to VC-G");
         writeln!(
             f,
-            "  The frame meets {} without control and {} with it.",
+            "  The frame meets {} without control and {} with control.",
             name(&self.open),
             name(&self.closed)
         )

@@ -204,7 +204,7 @@ impl Display for Modes {
         }
         writeln!(f)?;
         if !self.leg_loads.is_empty() {
-            let head = cells(["Under gravity", "axial force, N", "buckles at, N", ""]);
+            let head = cells(["Under gravity", "axial force, N", "buckling load, N", ""]);
             let rows = self.leg_loads.iter().map(|load| {
                 let buckles = -load.axial_force > load.buckling_load;
                 vec![
@@ -219,7 +219,7 @@ impl Display for Modes {
         if self.modes.first().is_some_and(|mode| mode.hz < 0.0) {
             writeln!(
                 f,
-                "  Under its weight the machine falls: negative Hz is the rate of that."
+                "  Under gravity the machine is unstable: a negative Hz is the growth rate of such a mode."
             )?;
         }
         Ok(())
@@ -305,9 +305,9 @@ impl Gains {
 
     fn write_gains(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (p, i) = if self.feedback == "force" {
-            ("K_P (Eq. 22)", "K_I, 1/s (Eq. 22)")
+            ("K_P, Eq. (22)", "K_I, 1/s, Eq. (22)")
         } else {
-            ("K_a, N/(m/s²) (Eq. 19)", "K_v, N/(m/s) (Eq. 20)")
+            ("K_a, N/(m/s²), Eq. (19)", "K_v, N/(m/s), Eq. (20)")
         };
         writeln!(
             f,
@@ -329,7 +329,10 @@ impl Gains {
 fn write_poles(f: &mut Formatter<'_>, title: &str, poles: &[Pole]) -> fmt::Result {
     writeln!(f, "{title}")?;
     if poles.is_empty() {
-        writeln!(f, "    not found: the eigenvalue iteration did not end")?;
+        writeln!(
+            f,
+            "    not found: the eigenvalue iteration did not converge"
+        )?;
     }
     // One of each conjugate pair.
     for pole in poles.iter().filter(|pole| pole.im >= 0.0) {
@@ -345,10 +348,10 @@ impl Display for Gains {
             "{TITLE}Design model of {}: all bodies as one rigid body{TITLE:#}",
             self.machine
         )?;
-        write_rows(f, "  M_d, kg (Eq. 13)", &self.mass)?;
-        write_rows(f, "  K_d, N/m (Eq. 13)", &self.stiffness)?;
-        write_rows(f, "  T_c (Eq. 15)", &self.sensing)?;
-        write_rows(f, "  S, 1/√kg (Eq. 17)", &self.modal)?;
+        write_rows(f, "  M_d, kg, Eq. (13)", &self.mass)?;
+        write_rows(f, "  K_d, N/m, Eq. (13)", &self.stiffness)?;
+        write_rows(f, "  T_c, Eq. (15)", &self.sensing)?;
+        write_rows(f, "  S, 1/√kg, Eq. (17)", &self.modal)?;
         self.write_gains(f)?;
         write_poles(
             f,
@@ -449,13 +452,13 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
     if !r.soft_start {
         writeln!(
             f,
-            "  {WARNING}Warning:{WARNING:#} on its way through a soft start the loop is not stable with every gain."
+            "  {WARNING}Warning:{WARNING:#} the loop is not stable at every gain of the soft start."
         )?;
     }
     if let Some(drawn) = r.drawn {
         writeln!(
             f,
-            "  on machines drawn about it: stable on {} of {}, peak sensitivity up to {:.3}",
+            "  on randomly perturbed machines: stable on {} of {}, peak sensitivity up to {:.3}",
             drawn.stable, drawn.samples, drawn.peak_sensitivity
         )?;
     }
@@ -478,7 +481,7 @@ fn write_shaped(f: &mut Formatter<'_>, r: &Shaped) -> fmt::Result {
         return Ok(());
     }
     writeln!(f, "  Highest peak of σ_max(G11), dB")?;
-    let head = cells(["", "", "open", "ideal", "sampled", "cost of sampling"]);
+    let head = cells(["", "", "open", "ideal", "sampled", "sampled minus ideal"]);
     write_table(f, 4, 2, [head].into_iter().chain(bands))
 }
 
@@ -614,13 +617,13 @@ pub(crate) fn warnings(study: &Study) -> Vec<String> {
         let limit = buckling_load(beam);
         if -load > limit {
             warnings.push(format!(
-                "{} buckles: it carries {:.0} N and bears {limit:.0} N",
+                "{} buckles: its load is {:.0} N, its buckling load {limit:.0} N",
                 beam.name, -load
             ));
         }
     }
     if study.model.modes().squares[0] < 0.0 {
-        warnings.push("the machine falls under its own weight".to_owned());
+        warnings.push("the machine is unstable under its own weight".to_owned());
     }
     let feedback = study.design.feedback;
     if feedback != Feedback::Both
@@ -628,7 +631,7 @@ pub(crate) fn warnings(study: &Study) -> Vec<String> {
             .is_some_and(|zeros| grow(&zeros))
     {
         warnings.push(
-            "what is left with the sensors held is unstable under gravity: see host-gen zeros"
+            "with the sensor outputs held at zero, the machine is unstable under gravity: see host-gen zeros"
                 .to_owned(),
         );
     }

@@ -93,7 +93,7 @@ impl Report {
     pub fn quick(machine: &Machine) -> Result<Self, StudyError> {
         let none = |machine| {
             let study = Study::new(machine)?;
-            let sampled = Err("the search is not at its end".to_owned());
+            let sampled = Err("the search is still running".to_owned());
             Ok::<_, StudyError>(Looped { study, sampled })
         };
         let looped = machine.by_feedback().into_iter().map(none);
