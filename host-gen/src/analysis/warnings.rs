@@ -42,13 +42,13 @@ pub(crate) fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
         let limit = buckling_load(beam);
         if -load > limit {
             warnings.push(format!(
-                "{} buckles: it carries {:.0} N and bears {limit:.0} N",
+                "{} buckles: its load is {:.0} N, its buckling load {limit:.0} N",
                 beam.name, -load
             ));
         }
     }
     if study.model().modes().squares[0] < 0.0 {
-        warnings.push("the machine falls under its own weight".to_owned());
+        warnings.push("the machine is unstable under its own weight".to_owned());
     }
     let feedback = study.design_model().feedback;
     if feedback != Feedback::Both
@@ -58,7 +58,7 @@ pub(crate) fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
         )?)
     {
         warnings.push(
-            "what is left with the sensors held is unstable under gravity: see host-gen zeros"
+            "with the sensor outputs held at zero, the machine is unstable under gravity: see host-gen zeros"
                 .to_owned(),
         );
     }

@@ -64,7 +64,7 @@ pub fn sigma(sigma: &SigmaAnalysis, own: Feedback) -> Chart {
     Chart::new(
         "sigma",
         "From the floor to the performance outputs: σ_max(G11)",
-        "The worst that the floor can do to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better. Dashed: the ideal law, without delay or sampling. Solid: the law as the board runs it.",
+        "The worst-case gain from the floor to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better. Dashed: the ideal law, without delay or sampling. Solid: the sampled, delayed law, as on the board.",
         [hertz(), Axis::linear("σ_max(G11), dB")],
         series.collect(),
     )
@@ -113,7 +113,7 @@ pub fn isolation(own: &DesignedStudy) -> Result<Chart, NumericError> {
     Ok(Chart::new(
         "isolation",
         "How the machine follows the floor: transmissibility",
-        "All bodies as one, in the worst direction: 0 dB moves with the floor, below −3 dB the machine is isolated. A hard mount without control follows up to its suspension modes and amplifies there.",
+        "All bodies as one, in the worst direction. At 0 dB the machine moves with the floor; below −3 dB it is isolated. A hard mount without control follows the floor up to its suspension modes and amplifies there.",
         [hertz(), Axis::linear("transmissibility, dB")],
         series,
     ))
@@ -153,7 +153,7 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
     let sensitivity = vec![
         Series::line("σ_max(S)", colour(study.design_model().feedback), sensitivity).main(),
         limit(
-            format!("asked: {}", target.max_sensitivity),
+            format!("bound: {}", target.max_sensitivity),
             low,
             high,
             db(target.max_sensitivity),
@@ -166,7 +166,7 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
         let (sin, cos) = (f64::from(i) * core::f64::consts::TAU / 72.0).sin_cos();
         (radius * cos - 1.0, radius * sin)
     });
-    nyquist.push(Series::line("bound about −1", Colour::Limit, circle).styled(Style::Limit));
+    nyquist.push(Series::line("bound around −1", Colour::Limit, circle).styled(Style::Limit));
     let equal = |label: &str| Axis {
         scale: Scale::Equal,
         ..Axis::linear(label)
@@ -175,21 +175,21 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
         Chart::new(
             "loop-gain",
             "Loop gain by mode",
-            "Opened at the force along each mode of the design model. Where it is large, the loop replaces what the machine does by what it is asked to do.",
+            "Opened at the force along each mode of the design model. Where the loop gain is large, the closed loop behaves as the target requires.",
             [hertz(), Axis::linear("|L|, dB")],
             gains,
         ),
         Chart::new(
             "sensitivity",
-            "Sensitivity: what the loop amplifies",
-            "The largest singular value of (1 + L)⁻¹, all modes at once. Below 0 dB the loop helps, above it pays for that; the peak is what the margins are made of.",
+            "Sensitivity: attenuation and amplification by the loop",
+            "The largest singular value of (1 + L)⁻¹, all modes at once. Below 0 dB the loop attenuates, above 0 dB it amplifies. The lower the peak, the larger the margins.",
             [hertz(), Axis::linear("σ_max(S), dB")],
             sensitivity,
         ),
         Chart::new(
             "nyquist",
             "Nyquist curves of the modes",
-            "L of each mode in the complex plane, from low frequency to half the sample rate. Where modes hardly couple, none enters the circle about −1.",
+            "L of each mode in the complex plane, from low frequency to half the sample rate. Modes with little coupling stay outside the circle around −1.",
             [
                 equal("Re L").from_to(-3.0, 2.0),
                 equal("Im L").from_to(-2.0, 2.0),
@@ -261,8 +261,8 @@ pub fn frequencies(studies: &[DesignedStudy]) -> Result<Chart, NumericError> {
     let highest = (names.len() - 1) as f64;
     Ok(Chart::new(
         "frequencies",
-        "Zeros beside modes and poles",
-        "High gain draws poles onto the zeros of the path from leg forces to sensors (section 3 of the paper): what sits there, the loop has no hold of. Zeros far below the modes are good; zeros among them are what force feedback through stiff legs runs into.",
+        "Zeros, modes and poles",
+        "With high gain, poles move to the zeros of the path from leg forces to sensors (section 5 of the paper). The loop cannot act at the frequency of a zero. Zeros far below the modes are harmless. Zeros among the suspension modes, as with force feedback through stiff legs, limit the isolation.",
         [
             hertz().from_to(0.05, 2000.0),
             Axis {
@@ -328,17 +328,17 @@ pub fn vibration(floor: &str, [open, closed]: &[Budget; 2]) -> [Chart; 2] {
     [
         Chart::new(
             "vibration",
-            "Velocity of the frame on the vibration criteria",
+            "Velocity of the frame, and the vibration criteria",
             format!(
-                "One-third octaves, rms, the worst of x, y and z, on the floor {floor}. A frame meets a criterion whose line it stays below."
+                "One-third octaves, rms, the worst of x, y and z, on a floor at the limit of {floor}. The frame meets a criterion if it stays below its line."
             ),
             [hertz().from_to(0.9, 100.0), Axis::log("velocity, µm/s rms")],
             series,
         ),
         Chart::new(
             "spectrum",
-            "Spectrum of the performance, and where it comes from",
-            "Amplitude density of all performance outputs together. The dashed lines divide the closed loop's among floor, sensor noise and converters: the noise budget by frequency.",
+            "Spectrum of the performance, and its sources",
+            "Amplitude density of all performance outputs together. The dashed lines are the parts of floor, sensor noise and converters in the closed loop: the noise budget by frequency.",
             [hertz(), Axis::log("m/s²/√Hz")],
             spectrum,
         ),
@@ -392,9 +392,9 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
                 .collect(),
             ..Chart::new(
                 "session",
-                "A session, from rest to the closed loop",
+                "A session, from control off to the closed loop",
                 format!(
-                    "The firmware's controller on the simulated machine, converters and noise included, on the floor of its file ({:e} m/s² rms, {} to {} Hz). All performance outputs together, rms over 50 ms. The self-test pushes each leg in turn; then the loop closes gently.",
+                    "The firmware's controller on the simulated machine, converters and noise included, on the floor of its file ({:e} m/s² rms, {} to {} Hz). All performance outputs together, rms over 50 ms. The self-test excites each leg in turn; then the loop is closed with a soft start.",
                     machine.simulation.floor_rms,
                     machine.simulation.floor_band[0],
                     machine.simulation.floor_band[1],
@@ -402,13 +402,13 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
                 [Axis::linear("time, s"), Axis::log("m/s² rms")],
                 vec![
                     Series::line(
-                        "legs at rest",
+                        "control off",
                         Colour::Open,
                         time().zip(envelope.open.iter().copied()),
                     )
                     .main(),
                     Series::line(
-                        "under the controller",
+                        "control on",
                         colour(machine.target.feedback),
                         time().zip(envelope.closed.iter().copied()),
                     )
@@ -419,14 +419,15 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
         Chart::new(
             "close-up",
             "The same floor with and without control",
-            "The last half second of the session. Click the legend for other outputs.".to_owned(),
+            "The last half second of the session. Click in the legend to show other outputs."
+                .to_owned(),
             [Axis::linear("time, s"), Axis::linear("m/s²")],
             lines,
         ),
         Chart::new(
             "forces",
-            "Forces of the legs during the session",
-            format!("Largest in 50 ms; the limit is {limit_of} N."),
+            "Leg forces during the session",
+            format!("Largest magnitude in each 50 ms; the limit is {limit_of} N."),
             [Axis::linear("time, s"), Axis::linear("force, N")],
             forces,
         ),
@@ -507,7 +508,7 @@ pub fn drawings(study: &Study) -> Vec<Chart> {
     let mut drawings = vec![Chart::new(
         "machine",
         format!("{}: legs, bodies, beams", machine.name),
-        "Seen from above and the side.",
+        "Oblique view from above.",
         [axis(), axis()],
         drawn((legs.clone(), others.clone(), bodies)),
     )];
@@ -518,7 +519,7 @@ pub fn drawings(study: &Study) -> Vec<Chart> {
         drawings.push(Chart::new(
             "mode",
             format!("mode {}, {hz:.2} Hz", i + 1),
-            "The largest motion is drawn as an eighth of the machine.",
+            "Magnified: the largest motion is drawn as an eighth of the size of the machine.",
             [axis(), axis()],
             series,
         ));

@@ -42,7 +42,7 @@ impl Display for MachineComparison {
         let of_loop = |c: &MachineColumn, cell: &dyn Fn(&Design) -> String| {
             c.shaped
                 .as_ref()
-                .map_or_else(|| "not reached".to_owned(), cell)
+                .map_or_else(|| "unreachable".to_owned(), cell)
         };
         line(&mut rows, "peak sensitivity", &|c| {
             of_loop(c, &|r| format!("{:.3}", r.peak_sensitivity.value))

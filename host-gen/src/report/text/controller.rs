@@ -26,7 +26,7 @@ impl Display for DesignAnalysis {
         } = &self.delay;
         writeln!(
             f,
-            "{TITLE}Delay, µs:{TITLE:#} sample to latch {:.1}, hold {:.1}, amplifier {:.1}, sensor {:.1}; whole {:.1}",
+            "{TITLE}Delay, µs:{TITLE:#} sample to latch {:.1}, hold {:.1}, amplifier {:.1}, sensor {:.1}; total {:.1}",
             micro(*latch),
             micro(*hold),
             micro(*amplifier),
@@ -35,11 +35,11 @@ impl Display for DesignAnalysis {
         )?;
         writeln!(
             f,
-            "{TITLE}How each mode follows its own motion of the floor{TITLE:#}"
+            "{TITLE}How each mode follows the floor motion in its own shape{TITLE:#}"
         )?;
         write!(
             f,
-            "                    corner  highest            less by, dB, at"
+            "                    corner  highest            attenuation, dB"
         )?;
         for hz in self.isolation_at_hz {
             write!(f, " {hz:>5} Hz")?;
@@ -75,7 +75,7 @@ impl Display for DesignAnalysis {
         let margins = self.margins.modes.iter().enumerate();
         let all = margins
             .map(|(k, margin)| (format!("mode {}", k + 1), margin))
-            .chain([("all at once".to_owned(), &self.margins.together)]);
+            .chain([("all modes at once".to_owned(), &self.margins.together)]);
         for (name, margin) in all {
             writeln!(
                 f,
@@ -91,19 +91,19 @@ impl Display for DesignAnalysis {
         )?;
         writeln!(
             f,
-            "  at the bound from {:.0} Hz to where the delay alone is half a turn it would be {:.0} Hz: {:.0} % of that is used",
+            "  the bound, from {:.0} Hz to where the delay alone turns the phase by 180°, allows {:.0} Hz: {:.0} % of that is used",
             bode.crossover_hz,
             bode.limit_hz,
             100.0 * bode.amplification_hz / bode.limit_hz
         )?;
-        write!(f, "Single precision over sensor noise, dB:")?;
+        write!(f, "Single precision relative to sensor noise, dB:")?;
         for Rounding {
             hz, over_noise_db, ..
         } in &self.rounding
         {
             write!(f, " {over_noise_db:.0} at {hz:.0} Hz")?;
         }
-        write!(f, "\nThe DAC's codes over sensor noise, dB:   ")?;
+        write!(f, "\nCodes of the DAC relative to sensor noise, dB:")?;
         for Rounding {
             hz,
             codes_over_noise_db,
@@ -131,7 +131,7 @@ impl Display for DesignAnalysis {
                 write!(f, " {db:>11.1} dB")?;
             }
             if cell.sampled_db.is_empty() {
-                write!(f, " not reached")?;
+                write!(f, " unreachable")?;
             }
             writeln!(f)?;
         }

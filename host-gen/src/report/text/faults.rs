@@ -11,7 +11,7 @@ impl Display for CampaignSummary {
         writeln!(f, "# Faults in the loop of {}\n", self.machine)?;
         writeln!(
             f,
-            "Made by `host-gen campaign`, {} feedback. Each fault is there from the start for\nthe self-test, and comes with the loop closed for the supervisor. After a fault the\nlegs are to be at rest within {:.0} ms.\n",
+            "Output of `host-gen campaign`, {} feedback. For the self-test, each fault is present from\nthe start. For the supervisor, it occurs with the loop closed. After a fault is detected,\nthe legs must be at rest within {:.0} ms.\n",
             self.feedback,
             1e3 * self.bound
         )?;

@@ -22,10 +22,10 @@ impl Display for FloorAnalysis {
             row
         });
         write_table(f, 2, 2, [head].into_iter().chain(rows))?;
-        writeln!(f, "  The shares are of the closed loop's power.")?;
+        writeln!(f, "  The shares are those of the power with the loop closed.")?;
         writeln!(
             f,
-            "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   closed mostly from"
+            "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   main source, closed"
         )?;
         for (open, closed) in self.open.thirds.iter().zip(&self.closed.thirds) {
             writeln!(
@@ -40,7 +40,7 @@ impl Display for FloorAnalysis {
         let name = |side: &FloorSide| side.criterion.unwrap_or("none of VC-A to VC-G");
         writeln!(
             f,
-            "  The frame meets {} without control and {} with it.",
+            "  The frame meets {} without control and {} with control.",
             name(&self.open),
             name(&self.closed)
         )

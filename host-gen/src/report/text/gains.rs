@@ -21,9 +21,9 @@ fn write_rows(f: &mut Formatter<'_>, title: &str, rows: &Rows) -> fmt::Result {
 /// The gains alone.
 pub(super) fn write_gains(all: &GainAnalysis, f: &mut Formatter<'_>) -> fmt::Result {
         let (p, i) = if all.feedback == "force" {
-            ("K_P (Eq. 22)", "K_I, 1/s (Eq. 22)")
+            ("K_P, Eq. (22)", "K_I, 1/s, Eq. (22)")
         } else {
-            ("K_a, N/(m/s²) (Eq. 19)", "K_v, N/(m/s) (Eq. 20)")
+            ("K_a, N/(m/s²), Eq. (19)", "K_v, N/(m/s), Eq. (20)")
         };
         writeln!(
             f,
@@ -57,10 +57,10 @@ impl Display for GainAnalysis {
             "{TITLE}Design model of {}: all bodies as one rigid body{TITLE:#}",
             self.machine
         )?;
-        write_rows(f, "  M_d, kg (Eq. 13)", &self.mass)?;
-        write_rows(f, "  K_d, N/m (Eq. 13)", &self.stiffness)?;
-        write_rows(f, "  T_c (Eq. 15)", &self.sensing)?;
-        write_rows(f, "  S, 1/√kg (Eq. 17)", &self.modal)?;
+        write_rows(f, "  M_d, kg, Eq. (13)", &self.mass)?;
+        write_rows(f, "  K_d, N/m, Eq. (13)", &self.stiffness)?;
+        write_rows(f, "  T_c, Eq. (15)", &self.sensing)?;
+        write_rows(f, "  S, 1/√kg, Eq. (17)", &self.modal)?;
         write_gains(self, f)?;
         write_poles(
             f,

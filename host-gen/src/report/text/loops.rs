@@ -64,13 +64,13 @@ pub(super) fn write_design(f: &mut Formatter<'_>, r: &Design) -> fmt::Result {
     if !r.soft_start {
         writeln!(
             f,
-            "  {WARNING}Warning:{WARNING:#} on its way through a soft start the loop is not stable with every gain."
+            "  {WARNING}Warning:{WARNING:#} the loop is not stable at every gain of the soft start."
         )?;
     }
     if let Some(drawn) = r.drawn {
         writeln!(
             f,
-            "  on machines drawn about it: stable on {} of {}, peak sensitivity up to {:.3}",
+            "  on randomly perturbed machines: stable on {} of {}, peak sensitivity up to {:.3}",
             drawn.stable, drawn.samples, drawn.peak_sensitivity
         )?;
     }
@@ -93,7 +93,7 @@ pub(super) fn write_design(f: &mut Formatter<'_>, r: &Design) -> fmt::Result {
         return Ok(());
     }
     writeln!(f, "  Highest peak of σ_max(G11), dB")?;
-    let head = cells(["", "", "open", "ideal", "sampled", "cost of sampling"]);
+    let head = cells(["", "", "open", "ideal", "sampled", "sampled minus ideal"]);
     write_table(f, 4, 2, [head].into_iter().chain(bands))
 }
 

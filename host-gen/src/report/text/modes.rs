@@ -50,7 +50,7 @@ impl Display for ModeAnalysis {
         }
         writeln!(f)?;
         if !self.leg_loads.is_empty() {
-            let head = cells(["Under gravity", "axial force, N", "buckles at, N", ""]);
+            let head = cells(["Under gravity", "axial force, N", "buckling load, N", ""]);
             let rows = self.leg_loads.iter().map(|load| {
                 let buckles = -load.axial_force > load.buckling_load;
                 vec![
@@ -65,7 +65,7 @@ impl Display for ModeAnalysis {
         if self.modes.first().is_some_and(|mode| mode.hz < 0.0) {
             writeln!(
                 f,
-                "  Under its weight the machine falls: negative Hz is the rate of that."
+                "  Under gravity the machine is unstable: a negative Hz is the growth rate of such a mode."
             )?;
         }
         Ok(())

@@ -10,7 +10,7 @@ impl Display for RobustnessAnalysis {
         let r = &self.result;
         writeln!(
             f,
-            "{TITLE}The controller of {} on {} machines about it{TITLE:#}",
+            "{TITLE}The controller of {} on {} randomly perturbed machines{TITLE:#}",
             self.machine, r.samples
         )?;
         writeln!(

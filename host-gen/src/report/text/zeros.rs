@@ -14,7 +14,7 @@ impl Display for ZeroAnalysis {
         )?;
         writeln!(
             f,
-            "  High gain moves the closed loop's poles onto them: there the loop has no hold."
+            "  High gain moves the poles of the closed loop to them: there the loop cannot act."
         )?;
         for kind in &self.kinds {
             writeln!(f, "  {} feedback", kind.feedback)?;
@@ -33,7 +33,7 @@ impl Display for ZeroAnalysis {
             if kind.unstable {
                 writeln!(
                     f,
-                    "    {WARNING}Warning:{WARNING:#} a zero grows. What is left with the sensors held is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can hold it."
+                    "    {WARNING}Warning:{WARNING:#} a zero is unstable. With the sensor outputs held at zero, the machine is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can stabilise it."
                 )?;
             }
         }

@@ -125,28 +125,30 @@ function charts_of(m, ...ids) {
 }
 
 function waiting(m) {
-  return m.closed ? "" : `<p class="warning">No closed loop here: ${escape(m.missing)}</p>`;
+  return m.closed ? "" : `<p class="warning">No closed loop: ${escape(m.missing)}</p>`;
 }
 
 function glance(m) {
   const suspension = of_kind(m, "suspension"), internal = of_kind(m, "internal");
   const cards = [[from_to(suspension), "suspension modes without control"]];
   if (internal.length) cards.push([from_to(internal), "internal modes"]);
-  let words = `Six stiff legs carry this machine. Without control it follows the floor and rings at its suspension modes, ${from_to(suspension)}.`;
+  let words = `This machine stands on six stiff legs. Without control it follows the floor and resonates at its suspension modes, ${from_to(suspension)}.`;
   if (m.closed) {
     const s = m.closed.design.shaped;
-    cards.push([`${fixed(s.isolation_from_hz, 2)} Hz`, `isolates from here on (asked ${short(m.frequency_hz)} Hz, damping ${short(m.damping)})`]);
+    cards.push([`${fixed(s.isolation_from_hz, 2)} Hz`, `isolates above this frequency (target ${short(m.frequency_hz)} Hz, damping ${short(m.damping)})`]);
     for (const band of s.bands) {
-      cards.push([`${fixed(band.open_db)} → ${fixed(band.sampled_db)} dB`, `worst floor to performance gain, ${escape(band.name)}, ${short(band.low_hz)} to ${short(band.high_hz)} Hz`]);
+      cards.push([`${fixed(band.open_db)} → ${fixed(band.sampled_db)} dB`, `worst gain from floor to performance, without → with control, ${escape(band.name)}, ${short(band.low_hz)} to ${short(band.high_hz)} Hz`]);
     }
-    cards.push([fixed(s.peak_sensitivity.value, 2), `peak sensitivity; 1 changes nothing, 2 is usual${s.drawn ? `; stable on ${s.drawn.stable} of ${s.drawn.samples} machines drawn about this one` : ""}`]);
+    cards.push([fixed(s.peak_sensitivity.value, 2), `peak sensitivity; 1 is no amplification, 2 the usual bound${s.drawn ? `; stable on ${s.drawn.stable} of ${s.drawn.samples} randomly perturbed machines` : ""}`]);
     const f = m.closed.floor;
-    cards.push([`${f.open.criterion ?? "none"} → ${f.closed.criterion ?? "none"}`, `vibration criterion that the frame meets on a floor of ${escape(f.floor)}`]);
-    words += ` With ${m.feedback} feedback, as the board runs it at ${short(m.sample_rate / 1000)} kHz with ${fixed(1e6 * m.closed.design.delay.whole, 0)} µs of delay, it behaves as if it hung on soft springs and isolates from ${fixed(s.isolation_from_hz, 2)} Hz.`;
+    cards.push([f.open.criterion ?? "none", "vibration criterion that the frame meets without control"]);
+    cards.push([f.closed.criterion ?? "none", "vibration criterion that the frame meets with control"]);
+    cards.push([escape(f.floor), "floor for these two: its vibration is at the limit of this criterion"]);
+    words += ` With ${m.feedback} feedback, sampled at ${short(m.sample_rate / 1000)} kHz with ${fixed(1e6 * m.closed.design.delay.whole, 0)} µs of delay, it moves as if it hung on soft springs and isolates from ${fixed(s.isolation_from_hz, 2)} Hz.`;
   }
   const card = ([value, text]) => `<div class="card"><b>${value}</b><span>${text}</span></div>`;
   const warnings = [...m.warnings];
-  if (m.closed && !m.closed.design.shaped.soft_start) warnings.push("on its way through a soft start the loop is not stable with every gain");
+  if (m.closed && !m.closed.design.shaped.soft_start) warnings.push("the loop is not stable at every gain of the soft start");
   const said = warnings.length
     ? warnings.map((w) => `<p class="warning">Warning: ${escape(w)}</p>`).join("")
     : m.closed ? `<p class="good">The sampled loop is ${m.closed.poles.stable ? "stable" : "unstable"}; no warnings.</p>` : "";
@@ -163,16 +165,16 @@ function machine(m) {
     ...mode.kinetic.map((k) => `${fixed(100 * k.share)} %`)]);
   const head = ["#", "Hz", "kind", "modal mass, kg", "strain energy in legs", ...m.scene.bodies.map((b) => `kinetic, ${escape(b.name)}`)];
   const loads = m.modes.leg_loads.map((l) => [escape(l.beam), fixed(l.axial_force), fixed(l.buckling_load)]);
-  return `<p>Drag to turn, scroll to zoom, point at a part for what it is.</p>
+  return `<p>Drag to rotate, scroll to zoom, point at a part to see its data.</p>
     <div class="view"><div class="stage" id="scene"></div><div id="energies"></div></div>
     <div class="controls"><button id="play" aria-pressed="true">moving</button><button id="rest">at rest</button>
       <label>amplitude <input id="amplitude" type="range" min="0.01" max="0.2" step="0.005" value="0.08"></label>
       <label><input id="names" type="checkbox" checked> names</label></div>
     <div class="legend">${swatch(LEG, "leg")}${swatch(PIEZO, "actuator")}${swatch(FORCE, "force sensor")}${swatch(ACCELERATION, "accelerometer")}${swatch(BEAM, "other beam")}${swatch(FLOOR, "floor input, foot")}</div>
-    <h3>Modes</h3><p class="note">Slowed down, and far larger than they are. A suspension mode has its strain energy in the legs, an internal mode between the bodies.</p>
+    <h3>Modes</h3><p class="note">Shown in slow motion and strongly magnified. A suspension mode has its strain energy in the legs, an internal mode between the bodies.</p>
     <div class="gallery" id="gallery"></div>${table(head, rows)}
-    <p class="note">All bodies as one rigid body, which is what the gains are designed for: ${m.modes.rigid_modes_hz.map((hz) => fixed(hz, 2)).join(", ")} Hz.</p>
-    ${loads.length ? `<h3>Under gravity</h3>${table(["beam", "axial force, N", "buckles at, N"], loads)}` : ""}`;
+    <p class="note">Modes of the design model, with all bodies as one rigid body; the gains are designed for these: ${m.modes.rigid_modes_hz.map((hz) => fixed(hz, 2)).join(", ")} Hz.</p>
+    ${loads.length ? `<h3>Under gravity</h3>${table(["beam", "axial force, N", "buckling load, N"], loads)}` : ""}`;
 }
 
 function response(m) {
@@ -184,9 +186,9 @@ function response(m) {
     const isolation = d.modes.flatMap((mode, k) => [["open", mode.open], ["ideal", mode.ideal], ["sampled", mode.sampled]].map(([name, i]) =>
       i ? [`${k + 1}, ${fixed(mode.hz, 2)} Hz`, name, fixed(i.corner_hz, 2), `${fixed(i.peak_db)} at ${fixed(i.peak_hz, 2)} Hz`, ...i.db.map((x) => fixed(x))]
         : [`${k + 1}, ${fixed(mode.hz, 2)} Hz`, name, "unstable", ...Array(1 + d.isolation_at_hz.length).fill("")]));
-    tables = `${table(["highest peak of σ_max(G11)", "Hz", "open, dB", "ideal, dB", "sampled, dB", "cost of sampling, dB"], bands)}
-      ${charts_of(m, "isolation")}<h3>How each mode follows its own motion of the floor</h3><p class="note">Less by so many dB.</p>
-      ${table(["mode", "", "isolates from, Hz", "highest, dB", ...d.isolation_at_hz.map((hz) => `${hz} Hz`)], isolation, 2)}`;
+    tables = `${table(["highest peak of σ_max(G11)", "Hz", "open, dB", "ideal, dB", "sampled, dB", "sampled minus ideal, dB"], bands)}
+      ${charts_of(m, "isolation")}<h3>How each mode follows the floor motion in its own shape</h3><p class="note">Attenuation, dB, at the frequencies given.</p>
+      ${table(["mode", "", "isolates from, Hz", "peak, dB", ...d.isolation_at_hz.map((hz) => `${hz} Hz`)], isolation, 2)}`;
   }
   return `${waiting(m)}${charts_of(m, "sigma")}${missing}${m.closed ? tables : charts_of(m, "isolation")}`;
 }
@@ -194,7 +196,7 @@ function response(m) {
 function zeros(m) {
   const tables = m.zeros.kinds.map((kind) => {
     const rows = kind.zeros.map((z) => [fixed(z.hz, 3), fixed(z.damping, 4), fixed(z.nearest_closed_loop_hz, 3)]);
-    const warning = kind.unstable ? `<p class="warning">A zero grows: what is left with the sensors held is unstable, and no gain of this kind can hold it.</p>` : "";
+    const warning = kind.unstable ? `<p class="warning">A zero is unstable: the machine with its sensor outputs held at zero is unstable, and no gain of this kind of feedback can stabilise it.</p>` : "";
     return `<h3>Zeros, ${kind.feedback} feedback</h3>${warning}${table(["zero, Hz", "damping", "nearest pole of the ideal loop, Hz"], rows, 0)}`;
   });
   let poles = "";
@@ -216,17 +218,17 @@ function loop(m) {
     const rows = s.shaping.modes.shapes.map((x, i) => [i + 1, x.lags_hz.map((hz) => short(hz)).join(", "), short(x.zero_hz), short(x.notch.hz), fixed(x.notch.damping, 3), short(x.notch_poles.hz), fixed(x.notch_poles.damping, 3), x.split_hz === null ? "–" : short(x.split_hz)]);
     shaping = table(["mode", "lags, Hz", "zero, Hz", "zeros, Hz", "damping", "poles, Hz", "damping", "split, Hz"], rows);
   } else {
-    shaping = `<p>All channels: a low-pass at ${short(s.shaping.common.corner_hz)} Hz.</p>`;
+    shaping = `<p>All channels have a low-pass at ${short(s.shaping.common.corner_hz)} Hz.</p>`;
   }
-  const margins = [...d.margins.modes.map((x, i) => [`mode ${i + 1}`, x]), ["all at once", d.margins.together]];
+  const margins = [...d.margins.modes.map((x, i) => [`mode ${i + 1}`, x]), ["all modes at once", d.margins.together]];
   const b = d.margins.bode;
   return `${table(["peak sensitivity", ""], [["along the modes", `${fixed(p.value, 3)} at ${short(p.at)} Hz`], ["at the legs", fixed(p.at_legs, 3)], ["at the sensors", fixed(p.at_sensors, 3)],
-      ...(s.drawn ? [["on machines drawn about this one, up to", fixed(s.drawn.peak_sensitivity, 3)]] : []), ["slowest pole, 1/s", short(s.slowest_decay)]])}
+      ...(s.drawn ? [["on randomly perturbed machines, at most", fixed(s.drawn.peak_sensitivity, 3)]] : []), ["slowest pole, 1/s", short(s.slowest_decay)]])}
     ${charts_of(m, "loop-gain", "sensitivity", "nyquist")}
-    <h3>Disk margins</h3><p class="note">How much gain and phase may change, at once, before the loop is unstable.</p>
+    <h3>Disk margins</h3><p class="note">Changes of gain and phase, at the same time, that the loop tolerates before it is unstable.</p>
     ${table(["", "α", "gain", "phase"], margins.map(([name, x]) => [name, fixed(x.disk, 2), `×${fixed(x.gain, 2)}`, `±${fixed(x.phase_deg)}°`]))}
-    <p class="note">Bode's integral: ${fixed(b.attenuation_hz, 0)} Hz of attenuation are paid for with ${fixed(b.amplification_hz, 0)} Hz of amplification; ${fixed((100 * b.amplification_hz) / b.limit_hz, 0)} % of what the bound and the delay allow is used.</p>
-    <h3>What shapes the loop</h3><p class="note">The ideal gain would be constant up to any frequency, which no delay allows; each mode is rolled off by a shape of its own. AC coupling ${short(s.ac_coupling_hz)} Hz, leak ${short(s.leak_hz)} Hz.</p>${shaping}`;
+    <p class="note">Bode's integral: ${fixed(b.attenuation_hz, 0)} Hz of attenuation cost ${fixed(b.amplification_hz, 0)} Hz of amplification; ${fixed((100 * b.amplification_hz) / b.limit_hz, 0)} % of what the bound and the delay allow.</p>
+    <h3>Roll-off</h3><p class="note">The ideal gain is constant up to any frequency; with a delay this is unstable. So each mode has its own roll-off. AC coupling ${short(s.ac_coupling_hz)} Hz, leak ${short(s.leak_hz)} Hz.</p>${shaping}`;
 }
 
 const DELAYS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"];
@@ -234,15 +236,15 @@ const DELAYS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"];
 function budgets(m) {
   if (!m.closed) return waiting(m);
   const d = m.closed.design.delay;
-  const parts = [["sample to latch", d.latch], ["half a period's hold", d.hold], ["amplifier", d.amplifier], ["sensor", d.sensor]].filter(([, s]) => s > 0);
+  const parts = [["sample to latch", d.latch], ["hold, half a period", d.hold], ["amplifier", d.amplifier], ["sensor", d.sensor]].filter(([, s]) => s > 0);
   const stack = parts.map(([name, s], i) => `<div style="width:${(100 * s) / d.whole}%;background:${DELAYS[i]}">${name}, ${fixed(1e6 * s)} µs</div>`).join("");
   const f = m.closed.floor;
   const rms = f.closed.rms.map((r, i) => [escape(r.name), r.unit, short(f.open.rms[i].rms, 3), short(r.rms, 3), ...r.shares.map((x) => `${fixed(100 * x)} %`)]);
   const rounding = m.closed.design.rounding.map((r) => [`${short(r.hz)} Hz`, fixed(r.over_noise_db, 0), fixed(r.codes_over_noise_db, 0)]);
-  return `<h3>Delay: ${fixed(1e6 * d.whole)} µs in all</h3><div class="stack">${stack}</div>
-    <h3>Noise: where the motion comes from</h3><p class="note">rms from ${short(f.low_hz)} to ${short(f.high_hz)} Hz on a floor of ${escape(f.floor)}; shares are of the closed loop's power.</p>
+  return `<h3>Delay: ${fixed(1e6 * d.whole)} µs in total</h3><div class="stack">${stack}</div>
+    <h3>Sources of the motion</h3><p class="note">rms from ${short(f.low_hz)} to ${short(f.high_hz)} Hz, on a floor at the limit of ${escape(f.floor)}. The shares are those of the power with the loop closed.</p>
     ${table(["", "unit", "open", "closed", ...f.sources.map((s) => `from ${escape(s)}`)], rms, 2)}
-    <h3>Arithmetic</h3><p class="note">What single precision and the DAC's codes add, over sensor noise: below 0 dB it is lost in it.</p>
+    <h3>Rounding</h3><p class="note">Error from single precision and from the codes of the DAC, relative to sensor noise: below 0 dB it is less than the noise.</p>
     ${table(["at", "single precision, dB", "codes, dB"], rounding)}`;
 }
 
@@ -251,8 +253,8 @@ function vibration(m) {
   const f = m.closed.floor;
   const meets = (side) => side.criterion ?? "none of VC-A to VC-G";
   const rows = f.closed.thirds.map((t, i) => [fixed(t.hz), short(1e6 * f.open.thirds[i].velocity, 3), short(1e6 * t.velocity, 3), t.dominant]);
-  return `<p>On a floor of ${escape(f.floor)} the frame meets ${meets(f.open)} without control and ${meets(f.closed)} with it.</p>${charts_of(m, "vibration", "spectrum")}
-    <details><summary>One-third octaves</summary>${table(["Hz", "open, µm/s", "closed, µm/s", "closed mostly from"], rows, 0)}</details>`;
+  return `<p>On a floor at the limit of ${escape(f.floor)}, the frame meets ${meets(f.open)} without control and ${meets(f.closed)} with control.</p>${charts_of(m, "vibration", "spectrum")}
+    <details><summary>One-third octaves</summary>${table(["Hz", "open, µm/s", "closed, µm/s", "main source, closed"], rows, 0)}</details>`;
 }
 
 function time(m) {
@@ -260,32 +262,32 @@ function time(m) {
   const s = m.closed.simulation;
   const rows = s.outputs.map((name, i) => [escape(name), short(s.open.rms[i], 3), short(s.closed.rms[i], 3), short(s.open.peak[i], 3), short(s.closed.peak[i], 3), fixed(20 * Math.log10(s.closed.rms[i] / s.open.rms[i]))]);
   return `${charts_of(m, "close-up", "forces")}<h3>${short(s.duration_s)} s of the closed loop</h3>
-    <p class="note">Floor of ${short(s.floor_rms)} m/s² rms on each input, ${s.floor_band_hz.map((x) => short(x)).join(" to ")} Hz, seed ${s.seed}. Clamped in ${s.closed.clamped_steps}, a sensor at a rail in ${s.closed.railed_steps} of ${s.closed.steps} steps; largest force ${fixed(s.closed.force_peak)} N.</p>
+    <p class="note">Floor of ${short(s.floor_rms)} m/s² rms on each input, ${s.floor_band_hz.map((x) => short(x)).join(" to ")} Hz, seed ${s.seed}. Of ${s.closed.steps} steps, ${s.closed.clamped_steps} with the clamp active and ${s.closed.railed_steps} with a sensor at a rail. Largest force ${fixed(s.closed.force_peak)} N.</p>
     ${table(["m/s²", "rms open", "rms closed", "peak open", "peak closed", "rms, dB"], rows)}`;
 }
 
 function gains(m) {
   const first = m.gains[0];
   const kind = (g) => {
-    const [p, i] = g.feedback === "force" ? ["K_P (Eq. 22)", "K_I, 1/s (Eq. 22)"] : ["K_a, N/(m/s²) (Eq. 19)", "K_v, N/(m/s) (Eq. 20)"];
-    return `<h3>${g.feedback} feedback</h3><p class="note">Rows are legs, columns sensors.</p>${matrix(p, g.proportional, g.sensors, g.actuators)}${matrix(i, g.integral, g.sensors, g.actuators)}${matrix("T_c (Eq. 15)", g.sensing)}`;
+    const [p, i] = g.feedback === "force" ? ["K_P, Eq. (22)", "K_I, 1/s, Eq. (22)"] : ["K_a, N/(m/s²), Eq. (19)", "K_v, N/(m/s), Eq. (20)"];
+    return `<h3>${g.feedback} feedback</h3><p class="note">Rows are legs, columns are sensors.</p>${matrix(p, g.proportional, g.sensors, g.actuators)}${matrix(i, g.integral, g.sensors, g.actuators)}${matrix("T_c, Eq. (15)", g.sensing)}`;
   };
-  return `<p>The ideal gains for ${short(m.frequency_hz)} Hz and damping ${short(m.damping)}. Shaded by size, blue positive, orange negative. The board runs them mode by mode, with the shapes above.</p>
+  return `<p>The ideal gains for ${short(m.frequency_hz)} Hz and damping ${short(m.damping)}. The colour shows the magnitude: blue is positive, orange negative. The board runs them mode by mode, with the roll-off above.</p>
     ${m.gains.map(kind).join("")}<details><summary>The design model</summary>
-    ${matrix("M_d, kg (Eq. 13)", first.mass, first.actuators, first.actuators)}${matrix("K_d, N/m (Eq. 13)", first.stiffness, first.actuators, first.actuators)}${matrix("S, 1/√kg (Eq. 17)", first.modal, null, first.actuators)}</details>`;
+    ${matrix("M_d, kg, Eq. (13)", first.mass, first.actuators, first.actuators)}${matrix("K_d, N/m, Eq. (13)", first.stiffness, first.actuators, first.actuators)}${matrix("S, 1/√kg, Eq. (17)", first.modal, null, first.actuators)}</details>`;
 }
 
 function assumptions(m) {
   const rows = m.statements.map((s) => [s.kind, escape(s.from), s.entries.map((e) => `<code>${escape(e)}</code>`).join(", ")]);
-  const none = `<p class="warning">The file does not say what its numbers rest on: see [[provenance]] in docs/machine-file.md.</p>`;
-  const model = ["Small motions about the position drawn; bodies are rigid, beams massless.", "The base is rigid and moves as its six inputs do.", "Between samples the floor's acceleration is straight; outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; a piezo's hysteresis is not in the model.",
-    m.modes.leg_loads.length ? "Gravity acts, and static loads change the stiffness." : "No gravity: the file does not ask for it."];
-  return `${rows.length ? table(["", "from", "numbers"], rows, 3) : none}<h3>What the model takes for granted</h3><ul>${model.map((x) => `<li>${x}</li>`).join("")}</ul>`;
+  const none = `<p class="warning">The file does not state the source of its numbers: see [[provenance]] in docs/machine-file.md.</p>`;
+  const model = ["Small motions about the position given in the file; rigid bodies, massless beams.", "The base is rigid; its six inputs determine its motion.", "Between samples, the acceleration of the floor is linear in time and the outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; the hysteresis of the piezos is not in the model.",
+    m.modes.leg_loads.length ? "Gravity is included, and static loads change the stiffness." : "Gravity is not included: the file does not give it."];
+  return `${rows.length ? table(["", "source", "numbers"], rows, 3) : none}<h3>Assumptions of the model</h3><ul>${model.map((x) => `<li>${x}</li>`).join("")}</ul>`;
 }
 
 function file(m) {
   return m.files.map((f) => `<details><summary>${escape(f.path)}</summary><pre>${escape(f.text)}</pre></details>`).join("") +
-    table(["", ""], [["model, SHA-256", `<code>${m.model_sha256}</code>`], ...(m.closed ? [["table's checksum", `<code>${m.closed.table_checksum.toString(16).padStart(8, "0")}</code>, format ${m.closed.table_format}`]] : []),
+    table(["", ""], [["model, SHA-256", `<code>${m.model_sha256}</code>`], ...(m.closed ? [["checksum of the table", `<code>${m.closed.table_checksum.toString(16).padStart(8, "0")}</code>, format ${m.closed.table_format}`]] : []),
       ["host-gen", review.version], ["charts, 3D", `plotly.js ${Plotly.version}, three.js ${THREE.REVISION}`]], 2);
 }
 
@@ -301,7 +303,7 @@ function side_by_side(both) {
   const { names, differences } = both;
   const columns = both.compared.machines;
   const list = (key) => columns.map((c) => c[key].map((hz) => fixed(hz, 2)).join(", ") || "–");
-  const shaped = (cell) => columns.map((c) => (c.shaped ? cell(c.shaped) : "not reached"));
+  const shaped = (cell) => columns.map((c) => (c.shaped ? cell(c.shaped) : "unreachable"));
   const bands = [...new Set(columns.flatMap((c) => (c.shaped ? c.shaped.bands.map((b) => b.name) : [])))];
   const level = (name, key) => shaped((s) => fixed(s.bands.find((b) => b.name === name)?.[key]));
   const rows = [
@@ -315,7 +317,7 @@ function side_by_side(both) {
   ];
   const settings = differences.map(([key, values]) => [`<code>${escape(key)}</code>`, ...values.map((v) => (v === null ? "–" : `<code>${escape(v)}</code>`))]);
   return `<section id="compared"><h2>Side by side</h2>${table(["", ...names.map(escape)], rows, 1 + names.length)}
-    <h3>Settings that differ</h3>${settings.length ? table(["", ...names.map(escape)], settings, 1 + names.length) : "<p>None: the files say the same.</p>"}
+    <h3>Settings that differ</h3>${settings.length ? table(["", ...names.map(escape)], settings, 1 + names.length) : "<p>None: the files are equivalent.</p>"}
     ${both.charts.map(chart).join("")}</section>`;
 }
 
@@ -326,7 +328,7 @@ function three_d(m) {
   const energies = document.getElementById("energies");
   const gallery = document.getElementById("gallery");
   if (!document.createElement("canvas").getContext("webgl2")) {
-    host.textContent = "The picture needs WebGL 2, which this browser does not have.";
+    host.textContent = "The 3D view needs WebGL 2, which this browser does not support.";
     return;
   }
   stage?.end();
@@ -396,7 +398,7 @@ function start() {
       if (button) show_machine(Number(button.dataset.machine));
     };
   }
-  document.getElementById("footer").textContent = `hardmount ${review.version}. Equations are those of J. van Dijk, "Mechatronic Design of Hard-Mount Concepts for Precision Equipment".`;
+  document.getElementById("footer").textContent = `hardmount ${review.version}. Equation numbers are those of J. van Dijk, "Mechatronic Design of Hard-Mount Concepts for Precision Equipment".`;
   show_machine(Math.min(chosen.machine, review.machines.length - 1));
 }
 
