@@ -6,7 +6,7 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix6, Matrix6xX};
 use shared::LEGS;
 
 use crate::linear::{eigenvalues, generalised_eigen};
-use crate::machine::{Fault, Feedback, Machine, MachineError, Target};
+use crate::machine::{EntryError, Feedback, Machine, MachineError, Target};
 use crate::multibody::{Multibody, RigidModel, dependent, reach, to_dynamic, to_six};
 use crate::plant::StateSpace;
 
@@ -228,7 +228,7 @@ fn acceleration_sensing(
     rigid: &RigidModel,
 ) -> Result<Matrix6<f64>, MachineError> {
     let Some(sensors) = &machine.accelerometers else {
-        return Err(machine.locate(Fault::new(
+        return Err(machine.locate(EntryError::new(
             "sensors",
             "there are no accelerometers; add six under sensors.acceleration",
         )));
@@ -239,7 +239,7 @@ fn acceleration_sensing(
     });
     let rows = DMatrix::from_rows(&rows.map(|row| row.columns(0, 6).into_owned()));
     if let Some(i) = dependent(&rows, reach(machine)) {
-        return Err(machine.locate(Fault::new(
+        return Err(machine.locate(EntryError::new(
             format!("sensors.acceleration.{}", sensors[i].name),
             "singular sensor arrangement: it reads nothing of the rigid machine that the sensors before it do not; move or turn it",
         )));
@@ -255,7 +255,7 @@ fn acceleration_sensing(
 /// checked when the file was read.
 fn force_sensing(machine: &Machine) -> Result<Matrix6<f64>, MachineError> {
     let Some(sensors) = &machine.force_sensors else {
-        return Err(machine.locate(Fault::new(
+        return Err(machine.locate(EntryError::new(
             "sensors",
             "there are no force sensors; add one per leg under sensors.force",
         )));

@@ -5,7 +5,7 @@ mod command;
 
 use std::fmt::Display;
 use std::fs;
-use std::io::{self, Write as _};
+use std::io::{self, IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -353,7 +353,12 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             const ERROR: Style = AnsiColor::Red.on_default().bold();
-            anstream::eprintln!("{ERROR}error:{ERROR:#} {failure}");
+            match &failure {
+                Failure::Machine(error) if io::stderr().is_terminal() => {
+                    anstream::eprintln!("{}", command::snippet::render(error, true));
+                }
+                failure => anstream::eprintln!("{ERROR}error:{ERROR:#} {failure}"),
+            }
             ExitCode::FAILURE
         }
     }

@@ -17,7 +17,7 @@ use shared::LEGS;
 
 use crate::linear::{first_dependent_row, generalised_eigen};
 use crate::machine::{
-    Beam, Carrier, Damping, Deformation, Direction, Fault, Machine, MachineError,
+    Beam, Carrier, Damping, Deformation, Direction, EntryError, Machine, MachineError,
 };
 use crate::statics::Statics;
 
@@ -202,7 +202,7 @@ impl Multibody {
         };
         model
             .check(machine)
-            .map_err(|fault| machine.locate(fault))?;
+            .map_err(|error| machine.locate(error))?;
         // After the check: without gravity nothing may be loose.
         if machine.gravity != Vector3::zeros() {
             model.statics = Statics::new(machine, &model);
@@ -211,10 +211,10 @@ impl Multibody {
         Ok(model)
     }
 
-    fn check(&self, machine: &Machine) -> Result<(), Fault> {
+    fn check(&self, machine: &Machine) -> Result<(), EntryError> {
         let length = reach(machine);
         if let Some(i) = dependent(&self.coordinates, length) {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 "coordinates.deformations",
                 format!(
                     "dependent degrees of freedom: \"{}\" follows from those before it; choose another deformation",
@@ -223,7 +223,7 @@ impl Multibody {
             ));
         }
         if let Some(i) = dependent(&to_dynamic(&self.floor), length) {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 format!("floor.inputs.{}", machine.floor[i].name),
                 "follows from the inputs before it; the six must fix the motion of a rigid base",
             ));
@@ -242,7 +242,7 @@ impl Multibody {
                 .enumerate()
                 .max_by(|a, b| a.1.total_cmp(&b.1))
                 .map_or(0, |(i, _)| i);
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 format!("bodies.{}", machine.bodies[heaviest].name),
                 "can move without deforming any beam that is stiff; hold it by more beams or stiffer ones",
             ));
@@ -438,7 +438,7 @@ impl RigidModel {
         let elongations = &model.elongations * ride;
         if let Some(i) = dependent(&to_dynamic(&elongations), reach(machine)) {
             let beam = &machine.beams[machine.actuators[i]].name;
-            return Err(machine.locate(Fault::new(
+            return Err(machine.locate(EntryError::new(
                 "actuators.beams",
                 format!(
                     "singular actuator arrangement: \"{beam}\" moves the machine no way that the legs before it do not; place it otherwise"

@@ -15,7 +15,7 @@ use shared::LEGS;
 
 use crate::design::Design;
 use crate::linear::eigenvalues;
-use crate::machine::{Board, Fault, Feedback, Machine, MachineError, Performance};
+use crate::machine::{Board, EntryError, Feedback, Machine, MachineError, Performance};
 use crate::multibody::{Modes, Multibody, deformation_stiffness};
 
 /// Floor accelerations, then leg forces.
@@ -335,7 +335,7 @@ impl Plant {
         } = &modes;
         let state_space = StateSpace::new(squares, damping, &floor, &actuators, &out);
         let poles = state_space.poles(squares, damping).ok_or_else(|| {
-            machine.locate(Fault::new(
+            machine.locate(EntryError::new(
                 "damping",
                 "a mode is damped exactly critically; change the damping a little",
             ))

@@ -4,4 +4,5 @@ pub mod link;
 pub mod new;
 pub mod report;
 pub mod sil;
+pub mod snippet;
 pub mod watch;
