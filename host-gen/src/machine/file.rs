@@ -520,7 +520,7 @@ pub struct SensorEntry {
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorEntry {
-    /// Force per volt at the DAC, N/V, amplifier included. Negative if it inverts; not 0.
+    /// Force per volt at the DAC with the amplifier, N/V. Negative if it inverts; not 0.
     pub gain: f64,
     /// Force limit of a leg in either direction, N. Above 0, and within the DAC's range.
     pub limit: f64,

@@ -394,6 +394,12 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
             }
             let along = nodes[ends[1]].at - nodes[ends[0]].at;
             let length = along.norm();
+            if !length.is_finite() {
+                return Err(EntryError::new(
+                    format!("{entry}.nodes"),
+                    "the two nodes are too far apart to compute the length of the beam",
+                ));
+            }
             if length < 1e-9 {
                 return Err(EntryError::new(
                     format!("{entry}.nodes"),
