@@ -7,7 +7,9 @@ mod failure;
 mod files;
 mod print;
 mod search;
+mod snippet;
 
+use std::io::{self, IsTerminal as _};
 use std::process::ExitCode;
 
 use anstyle::{AnsiColor, Style};
@@ -142,7 +144,12 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             const ERROR: Style = AnsiColor::Red.on_default().bold();
-            anstream::eprintln!("{ERROR}error:{ERROR:#} {failure}");
+            match &failure {
+                Failure::Machine(error) if io::stderr().is_terminal() => {
+                    anstream::eprintln!("{}", snippet::render(error, true));
+                }
+                failure => anstream::eprintln!("{ERROR}error:{ERROR:#} {failure}"),
+            }
             ExitCode::FAILURE
         }
     }

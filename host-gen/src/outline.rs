@@ -1,8 +1,8 @@
-//! A machine file from a few numbers: a frame on three mounts of two legs or six of
-//! one, and if there is one a payload below it.
+//! Template of a machine file, filled in from a few numbers: a frame on three mounts with
+//! two legs each or on six mounts with one leg each, with or without a payload below it.
 //!
-//! The frame is a disc, the payload a cylinder; what the numbers do not say is as in
-//! `models/metrology-frame.toml`, and marked as assumed.
+//! The frame is a disc, the payload a cylinder. All other values are those of
+//! `models/metrology-frame.toml` and are listed as assumed in the file.
 
 use core::f64::consts::TAU;
 use core::fmt::{Display, Write as _};
@@ -12,46 +12,46 @@ use crate::model::energy::{Kind, energies};
 use crate::machine::{Feedback, Machine, MachineError};
 use crate::model::multibody::Multibody;
 
-/// Mounts about the frame: six legs in all.
+/// Number of mounts on the frame. There are six legs in all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mounts {
-    /// Two legs each, leaning apart.
+    /// Three mounts with two legs each, inclined in opposite directions.
     Three,
-    /// One leg each, leaning to either side by turns.
+    /// Six mounts with one leg each, inclined in alternating directions.
     Six,
 }
 
-/// What a machine file is made from. SI units.
+/// The numbers that a machine file is made from. SI units; the leg angle in degrees.
 #[derive(Clone, Debug)]
 pub struct Outline {
-    /// Name.
+    /// Name of the machine: lower-case letters, digits and hyphens, a letter first.
     pub name: String,
-    /// How many mounts.
+    /// Number of mounts.
     pub mounts: Mounts,
-    /// Radius of their circle, m.
+    /// Radius of the circle of mounts, m.
     pub radius: f64,
-    /// Of the mounts above the feet, m.
+    /// Mount height above the feet, m.
     pub height: f64,
-    /// Of a leg with the floor, degrees.
+    /// Angle between a leg and the floor, degrees.
     pub leg_angle: f64,
-    /// EA/L of a leg, N/m.
+    /// Axial stiffness EA/L of a leg, N/m.
     pub leg_stiffness: f64,
-    /// kg.
+    /// Mass of the frame, kg.
     pub frame_mass: f64,
-    /// kg; 0 for a frame alone.
+    /// Mass of the payload, kg; 0 for no payload.
     pub payload_mass: f64,
-    /// Of the payload's centre of gravity below the frame, m.
+    /// Distance of the payload's centre of gravity below the frame, m.
     pub payload_below: f64,
-    /// About where the payload is to move on the frame, Hz.
+    /// Approximate frequency of the payload's internal modes on the frame, Hz.
     pub internal: f64,
-    /// What is fed back.
+    /// Sensors to feed back.
     pub feedback: Feedback,
-    /// What the mounts are to look like, Hz.
+    /// Target suspension frequency, Hz.
     pub frequency: f64,
 }
 
 impl Default for Outline {
-    /// Near to the paper's machine.
+    /// Close to the paper's machine.
     fn default() -> Self {
         Self {
             name: "machine".to_owned(),
@@ -70,14 +70,14 @@ impl Default for Outline {
     }
 }
 
-/// A leg: its name, its mount and its foot.
+/// A leg: its name, the index of its mount, and the position of its foot, m.
 struct Leg {
     name: String,
     mount: usize,
     foot: [f64; 3],
 }
 
-/// Ten digits, and no sign at a zero.
+/// `x` rounded to ten digits, without negative zero.
 fn digits(x: f64) -> f64 {
     let rounded: f64 = format!("{x:.9e}").parse().unwrap_or(x);
     if rounded.abs() < 1e-12 { 0.0 } else { rounded }
@@ -101,12 +101,12 @@ impl Outline {
         }
     }
 
-    /// Of mount `i`, rad; the first at 90°.
+    /// Polar angle of mount `i`, rad; the first is at 90°.
     fn bearing(&self, i: usize) -> f64 {
         TAU * (0.25 + i as f64 / self.mount_count() as f64)
     }
 
-    /// The mount that leg `n` stands under.
+    /// Index of the mount of leg `n`.
     fn mount_of(&self, n: usize) -> usize {
         match self.mounts {
             Mounts::Three => n / 2,
@@ -114,13 +114,13 @@ impl Outline {
         }
     }
 
-    /// Along the circle at mount `i`.
+    /// Unit vector along the circle (tangential) at mount `i`.
     fn along(&self, i: usize) -> [f64; 3] {
         let (sin, cos) = self.bearing(i).sin_cos();
         [-sin, cos, 0.0]
     }
 
-    /// The nth of six directions at the mounts, three along the circle and three up.
+    /// Direction number `n` of six at the mounts: three along the circle and three upward.
     fn direction(&self, n: usize) -> (&'static str, [f64; 3]) {
         if n.is_multiple_of(2) {
             ("along", self.along(self.mount_of(n)))
@@ -150,11 +150,12 @@ impl Outline {
         (0..6).map(leg).collect()
     }
 
-    /// The text of the machine file, commented, its bands laid by its modes.
+    /// The text of the machine file with comments. The performance bands are chosen from the
+    /// natural frequencies.
     ///
     /// # Errors
-    /// Where the numbers make no machine; the place is in the text that would have
-    /// been `path`.
+    /// If the numbers do not give a valid machine. The error's place is in the text that
+    /// would have been written to `path`.
     pub fn machine_file(&self, path: &Path) -> Result<String, MachineError> {
         let machine = Machine::parse(path, &self.text([5.0, 40.0, 300.0]))?;
         let model = Multibody::new(&machine)?;
@@ -196,12 +197,12 @@ impl Outline {
         let inner = 0.66 * self.radius;
         let below = -self.payload_below;
         let each = match self.mounts {
-            Mounts::Three => "three mounts of two legs",
-            Mounts::Six => "six mounts of one leg",
+            Mounts::Three => "three mounts with two legs each",
+            Mounts::Six => "six mounts with one leg each",
         };
         writeln!(
             f,
-            "#:schema machine.schema.json\n# {}: a frame on {each}{}.\n#\n# Made by `host-gen new`. What it took for granted is at the end, under provenance;\n# put your own numbers in their place. SI units. Every key is described in\n# docs/machine-file.md; the schema beside this file has editors complete and check them.\n\nformat = 1\nname = \"{}\"\n",
+            "#:schema machine.schema.json\n# {}: a frame on {each}{}.\n#\n# Made by `host-gen new`. Assumed values are listed at the end, under provenance; replace\n# them with your own. SI units. All keys are described in docs/machine-file.md. With\n# machine.schema.json, editors complete and check the keys.\n\nformat = 1\nname = \"{}\"\n",
             self.name,
             if payload { ", a payload below it" } else { "" },
             self.name
@@ -211,11 +212,11 @@ impl Outline {
             let at = self.on_circle(i, self.radius, 0.0);
             writeln!(f, "mount{} = {}", i + 1, vector(at))?;
         }
-        writeln!(f, "# Feet, on the base, one to a leg.")?;
+        writeln!(f, "# Feet, on the base, one for each leg.")?;
         for (n, leg) in legs.iter().enumerate() {
             writeln!(f, "foot{} = {}", n + 1, vector(leg.foot))?;
         }
-        // Between mounts, so that legs and blocks can be told apart.
+        // Between the mounts, so that blocks and legs do not overlap in drawings.
         let turned = |i: usize, z: f64| {
             let (sin, cos) = (TAU * (i as f64 / 3.0 + 5.0 / 12.0)).sin_cos();
             [inner * cos, inner * sin, z]
@@ -223,7 +224,7 @@ impl Outline {
         if payload {
             writeln!(
                 f,
-                "# Ends of the blocks: on the payload, and above it on the frame."
+                "# End nodes of the blocks: on the payload, and above it on the frame."
             )?;
             for i in 0..3 {
                 writeln!(f, "payload{} = {}", i + 1, vector(turned(i, below)))?;
@@ -243,19 +244,19 @@ impl Outline {
         }
         writeln!(
             f,
-            "\n[bodies.frame]\nmass = {:?} # kg\ninertia = {} # kg m², about its centre of gravity: a disc of the mounts' radius\ncog = [0.0, 0.0, 0.0] # m, in the plane of the mounts\nnodes = [{}]",
+            "\n[bodies.frame]\nmass = {:?} # kg\ninertia = {} # kg m², about the centre of gravity: a disc with the radius of the mounts\ncog = [0.0, 0.0, 0.0] # m, in the plane of the mounts\nnodes = [{}]",
             self.frame_mass,
             vector([0.25 * disc, 0.25 * disc, 0.5 * disc]),
             names(&on_frame)
         )?;
         if payload {
-            // A cylinder that reaches as far above its centre as below.
+            // A cylinder, its centre halfway up.
             let length = 2.0 * self.payload_below;
             let across = self.payload_mass * (3.0 * inner * inner + length * length) / 12.0;
             let along = 0.5 * self.payload_mass * inner * inner;
             writeln!(
                 f,
-                "\n[bodies.payload]\nmass = {:?}\ninertia = {} # a cylinder on the blocks' circle\ncog = {}\nnodes = [\"payload1\", \"payload2\", \"payload3\"]",
+                "\n[bodies.payload]\nmass = {:?}\ninertia = {} # kg m², a cylinder with the radius of the blocks\ncog = {}\nnodes = [\"payload1\", \"payload2\", \"payload3\"]",
                 self.payload_mass,
                 vector([across, across, along]),
                 vector([0.0, 0.0, below])
@@ -266,7 +267,7 @@ impl Outline {
 
         writeln!(
             f,
-            "\n# What is judged, and the bands, Hz, in which the worst peak is told."
+            "\n# Performance outputs, and the bands in which the highest peak is reported, Hz."
         )?;
         writeln!(f, "[performance]")?;
         if payload {
@@ -297,7 +298,7 @@ impl Outline {
     fn write_beams(&self, f: &mut String, legs: &[Leg]) -> core::fmt::Result {
         let payload = self.payload_mass > 0.0;
         let length = self.height / self.leg_angle.to_radians().sin();
-        // As slender as the legs of Table 1.
+        // Bending relative to axial stiffness as for the legs of Table 1.
         let bending = digits(5.53e-4 * self.leg_stiffness * length * length);
         writeln!(
             f,
@@ -309,11 +310,11 @@ impl Outline {
             let both = self.frame_mass + self.payload_mass;
             let reduced = self.frame_mass * self.payload_mass / both;
             let axial = (TAU * self.internal).powi(2) * reduced / 3.0;
-            // Sideways 12·(EI/L)/L², four fifths as stiff.
+            // Lateral stiffness 12·(EI/L)/L², 0.8 of the axial.
             let bending = digits(0.8 * axial * self.payload_below.powi(2) / 12.0);
             writeln!(
                 f,
-                "\n# Three blocks that let the payload move on the frame at about {} Hz.\n[profiles.block]\naxial = {:?}\nbending = [{bending:?}, {bending:?}]\ntorsion = {:?}",
+                "\n# Three blocks between payload and frame; internal modes at about {} Hz.\n[profiles.block]\naxial = {:?}\nbending = [{bending:?}, {bending:?}]\ntorsion = {:?}",
                 self.internal,
                 digits(axial),
                 digits(bending / 3.0)
@@ -340,9 +341,9 @@ impl Outline {
         }
         writeln!(
             f,
-            "\n# Degrees of freedom, six to a body: lengths of the legs{}.\n[coordinates]\ndeformations = [\n    {},",
+            "\n# Degrees of freedom, six for each body: elongations of the legs{}.\n[coordinates]\ndeformations = [\n    {},",
             if payload {
-                ", and all of one block"
+                ", and all deformations of one block"
             } else {
                 ""
             },
@@ -357,12 +358,12 @@ impl Outline {
     fn write_channels(&self, f: &mut String, legs: &[Leg]) -> core::fmt::Result {
         writeln!(
             f,
-            "\n# Channels 1 to 6.\n[actuators]\nbeams = [{}]",
+            "\n# Actuated legs, channels 1 to 6.\n[actuators]\nbeams = [{}]",
             names(legs.iter().map(|leg| &leg.name))
         )?;
         writeln!(
             f,
-            "\n# Accelerometers, channels 1 to 6: along the circle of the mounts and upward.\n[sensors.acceleration]"
+            "\n# Accelerometers, channels 1 to 6: along the circle of mounts and upward.\n[sensors.acceleration]"
         )?;
         let direction = |f: &mut String, name: &str, node: &str, d: [f64; 3]| {
             writeln!(
@@ -377,13 +378,16 @@ impl Outline {
             let node = format!("mount{}", mount + 1);
             direction(f, &format!("{name}{}", mount + 1), &node, d)?;
         }
-        writeln!(f, "\n# Force sensors in the legs.\n[sensors.force]")?;
+        writeln!(
+            f,
+            "\n# Force sensors in the legs, channels 1 to 6.\n[sensors.force]"
+        )?;
         for (n, leg) in legs.iter().enumerate() {
             writeln!(f, "f{} = {{ beam = \"{}\" }}", n + 1, leg.name)?;
         }
         writeln!(
             f,
-            "\n# Six motions that say how the base moves.\n[floor.inputs]"
+            "\n# Floor inputs: six directions that fix the motion of the base.\n[floor.inputs]"
         )?;
         for n in 0..6 {
             let (name, d) = self.direction(n);
@@ -394,36 +398,38 @@ impl Outline {
     }
 
     fn write_rest(&self, f: &mut String, payload: bool) -> core::fmt::Result {
+        let kinds = [Feedback::Acceleration, Feedback::Force, Feedback::Both];
+        let others = kinds.into_iter().filter(|kind| *kind != self.feedback);
         writeln!(
             f,
             r#"
 [damping]
-modal = 0.005 # of every mode
+modal = 0.005 # damping ratio of every mode
 
 [control]
-feedback = "{}" # or "acceleration", "force", "both"
-frequency = {:?} # Hz, as if on springs so soft
-damping = 0.7
-max_sensitivity = 2.0
+feedback = "{}" # or {}
+frequency = {:?} # Hz, target suspension frequency
+damping = 0.7 # target damping ratio
+max_sensitivity = 2.0 # limit for the peak sensitivity
 
-# The board and what hangs on its converters; docs/board.md is the reference board.
+# The board with its converters, sensors and actuators; see docs/board.md.
 [board]
 sample_rate = 20e3       # Hz
-conversion_delay = 10e-6 # s, until the codes are read
-output_delay = 40e-6     # s, from there until the outputs are latched
+conversion_delay = 10e-6 # s, from the sample until the ADC codes are read
+output_delay = 40e-6     # s, from reading the codes until the outputs are latched
 
 [board.adc]
 bits = 16
-range = 10.0   # ±, V
+range = 10.0   # V, in either direction
 noise = 0.2e-3 # rms, V
 
 [board.dac]
 bits = 16
-range = [0.0, 5.0] # V
+range = [0.0, 5.0] # V; mid-range is zero force
 noise = 50e-6      # rms, V
 
 [board.accelerometer]
-sensitivity = 20.0   # V/(m/s²), preamplifier included
+sensitivity = 20.0   # V/(m/s²), with the amplifier
 noise_density = 1e-7 # m/s²/√Hz
 offset = 2e-3        # V
 
@@ -433,21 +439,22 @@ noise_density = 1e-4 # N/√Hz
 offset = 2e-3        # V
 
 [board.actuator]
-gain = 100.0  # N per V at the DAC, piezo amplifier included
-limit = 200.0 # N
+gain = 100.0  # N/V at the DAC, with the piezo amplifier
+limit = 200.0 # N, in either direction
 
-# The floor of the simulation.
+# Floor motion in the simulation.
 [simulation]
-floor_rms = 1e-3          # m/s², each floor input
+floor_rms = 1e-3          # m/s² rms, of each floor input
 floor_band = [1.0, 200.0] # Hz
 
-# What the numbers rest on. Say here where yours come from.
+# Sources of the numbers. State the sources of yours here.
 [[provenance]]
 kind = "assumed"
-from = "host-gen new: a disc on a circle of mounts, legs as slender as those of the paper's Table 1"
+from = "host-gen new: a disc on a circle of mounts, legs as slender as in Table 1 of the paper"
 entries = ["nodes", "bodies.frame", "profiles.leg"]
 "#,
             self.feedback.name(),
+            names(others.map(Feedback::name)),
             self.frequency
         )?;
         if payload {
@@ -455,7 +462,7 @@ entries = ["nodes", "bodies.frame", "profiles.leg"]
                 f,
                 r#"[[provenance]]
 kind = "assumed"
-from = "host-gen new: a cylinder on three blocks, stiff enough that it moves on the frame at about {} Hz"
+from = "host-gen new: a cylinder on three blocks; internal modes at about {} Hz"
 entries = ["bodies.payload", "profiles.block"]
 "#,
                 self.internal
@@ -465,7 +472,7 @@ entries = ["bodies.payload", "profiles.block"]
             f,
             r#"[[provenance]]
 kind = "assumed"
-from = "host-gen new: usual for such machines"
+from = "host-gen new: typical values for such machines"
 entries = ["damping", "control", "board", "simulation"]"#
         )
     }

@@ -46,14 +46,14 @@ fn unknown_key() {
         "mas = 742.0",
         "mas = 742.0",
         "bodies.frame.mas",
-        "unknown field `mas`",
+        "unknown key `mas`; use one of `mass`",
     );
     refused(
         "seed = 1",
         "sead = 1",
         "sead = 1",
         "simulation.sead",
-        "unknown field `sead`",
+        "unknown key `sead`",
     );
 }
 
@@ -64,7 +64,7 @@ fn missing_key() {
         "",
         "[bodies.frame]",
         "bodies.frame",
-        "missing field `cog`",
+        "missing key `cog`; add it: Position `[x, y, z]` of the centre of gravity, m",
     );
 }
 
@@ -75,7 +75,7 @@ fn wrong_layout() {
         "format = 2",
         "format = 2",
         "format",
-        "reads 1",
+        "reads format 1",
     );
 }
 
@@ -123,14 +123,14 @@ fn repeated_name() {
         "\"block15.e1\", \"block15.e2\", \"block15.e2\", \"block15.e4\", \"block15.e5\", \"block15.e6\",\n]\n\n# Eq. (9)",
         "deformations = [",
         "coordinates.deformations",
-        "\"block15.e2\" is named twice",
+        "\"block15.e2\" is listed twice",
     );
     refused(
         "beams = [\"leg4\", \"leg5\"",
         "beams = [\"leg4\", \"leg4\"",
         "beams = [\"leg4\"",
         "actuators.beams",
-        "\"leg4\" is named twice",
+        "\"leg4\" is listed twice",
     );
 }
 
@@ -141,46 +141,46 @@ fn node_carried_twice_or_not_at_all() {
         "nodes = [\"n3\", \"n9\", \"n5\", ",
         "nodes = [\"n3\"",
         "bodies.frame.nodes",
-        "carried twice",
+        "node \"n9\" is listed twice",
     );
     refused(
         "nodes = [\"n3\", \"n5\", ",
         "nodes = [\"n5\", ",
         "n3 = [",
         "nodes.n3",
-        "moves with nothing",
+        "not attached to anything",
     );
 }
 
 #[test]
-fn singular_mass() {
+fn mass_that_is_not_positive() {
     refused(
         "mass = 742.0",
         "mass = 0.0",
         "mass = 0.0",
         "bodies.frame.mass",
-        "singular mass",
+        "mass must be above 0 kg, not 0",
     );
     refused(
         "inertia = [52.25, 52.25, 104.5]",
         "inertia = [52.25, 0.0, 104.5]",
         "inertia = [52.25",
         "bodies.frame.inertia",
-        "singular mass",
+        "principal moments of inertia must be above 0 kg m²",
     );
     refused(
         "inertia = [52.25, 52.25, 104.5]",
         "inertia = [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]",
         "inertia = [[1.0",
         "bodies.frame.inertia",
-        "singular mass",
+        "principal moments of inertia must be above 0 kg m²",
     );
     refused(
         "inertia = [52.25, 52.25, 104.5]",
         "inertia = [[1.0, 0.1, 0.0], [0.2, 1.0, 0.0], [0.0, 0.0, 1.0]]",
         "inertia = [[1.0",
         "bodies.frame.inertia",
-        "not symmetric",
+        "must be symmetric",
     );
 }
 
@@ -222,14 +222,14 @@ fn dependent_coordinates() {
         "",
         "deformations = [",
         "coordinates.deformations",
-        "11 deformations are given; 2 bodies have 12",
+        "11 deformations are given; 2 bodies need 12",
     );
     refused(
         "\"leg9.e1\",\n",
         "\"leg9.e7\",\n",
         "deformations = [",
         "coordinates.deformations",
-        "\"leg9.e7\" is no deformation",
+        "\"leg9.e7\" is not a deformation",
     );
 }
 
@@ -301,14 +301,14 @@ fn profile_errors() {
         "torsion_constant = 5.84 ",
         "[profiles.leg]",
         "profiles.leg",
-        "give all of axial",
+        "must have either axial",
     );
     refused(
         "leg4 = { nodes = [\"n9\", \"n3\"], profile = \"leg\" }",
         "leg4 = { nodes = [\"n9\", \"n3\"] }",
         "leg4 = {",
         "beams.leg4",
-        "give either profile",
+        "must have either profile",
     );
     refused(
         "leg4 = { nodes = [\"n9\", \"n3\"], profile = \"leg\" }",
@@ -322,14 +322,14 @@ fn profile_errors() {
         "axial = -8.389e6 ",
         "[profiles.leg]",
         "profiles.leg",
-        "not negative",
+        "axial stiffness EA/L must be finite and at least 0 N/m",
     );
     refused(
         "[\"n9\", \"n3\"]",
         "[\"n9\", \"n9\"]",
         "leg4 = {",
         "beams.leg4.nodes",
-        "same place",
+        "same position",
     );
 }
 
@@ -352,42 +352,42 @@ fn board_errors() {
         "limit = 300.0",
         "limit = 300.0",
         "board.actuator.limit",
-        "past what the DAC can ask for",
+        "at most 249.992371 N",
     );
     refused(
         "range = 10.0 ",
         "range = -10.0 ",
-        "[board.adc]",
-        "board.adc",
-        "converter's range",
+        "range = -10.0",
+        "board.adc.range",
+        "range must be above 0 V",
     );
     refused(
         "bits = 16\nrange = 10.0",
         "bits = 24\nrange = 10.0",
-        "[board.adc]",
-        "board.adc",
-        "8 to 16 bits",
+        "bits = 24",
+        "board.adc.bits",
+        "bits must be 8 to 16",
     );
     refused(
         "sample_rate = 20e3",
         "sample_rate = 0.0",
         "sample_rate",
         "board.sample_rate",
-        "positive",
+        "sample_rate must be above 0 Hz",
     );
     refused(
         "output_delay = 40e-6",
         "output_delay = 40e-3",
         "output_delay",
         "board.output_delay",
-        "eight periods",
+        "eight sample periods",
     );
     refused(
         "[board.accelerometer]\nsensitivity = 20.0",
         "[board.accelerometer]\nsensitivity = 0.0",
         "sensitivity = 0.0",
         "board.accelerometer.sensitivity",
-        "not zero",
+        "sensitivity must differ from 0",
     );
 }
 
@@ -405,21 +405,77 @@ fn control_errors() {
         "frequency = -1.0 # Hz",
         "frequency = -1.0",
         "control.frequency",
-        "positive",
+        "frequency must be above 0 Hz",
     );
     refused(
         "feedback = \"acceleration\"",
         "feedback = \"velocity\"",
         "feedback = \"velocity\"",
         "control.feedback",
-        "unknown variant `velocity`",
+        "unknown value `velocity`; use one of `acceleration`, `force`, `both`",
     );
     refused(
         "feedback = \"acceleration\"",
         "law = \"direct\"\nfeedback = \"both\"",
         "law = \"direct\"",
         "control.law",
-        "\"modal\"",
+        "needs law = \"modal\"",
+    );
+}
+
+#[test]
+fn wrong_type() {
+    refused(
+        "mass = 742.0",
+        "mass = \"heavy\"",
+        "mass = \"heavy\"",
+        "bodies.frame.mass",
+        "expected a number, in kg, found string \"heavy\"",
+    );
+    // Within an array of many.
+    refused(
+        "n3 = [0.0, 0.5, 0.0]",
+        "n3 = [0.0, \"half\", 0.0]",
+        "n3 = [",
+        "nodes.n3[1]",
+        "expected a number, in m, found string \"half\"",
+    );
+    refused(
+        "bits = 16\nrange = 10.0",
+        "bits = -16\nrange = 10.0",
+        "bits = -16",
+        "board.adc.bits",
+        "expected a whole number from 0 to 4294967295, found integer `-16`",
+    );
+    refused(
+        "[base]\nnodes =",
+        "[base]\nnodes = 3\n#",
+        "nodes = 3",
+        "base.nodes",
+        "expected an array, found integer `3`",
+    );
+    refused(
+        "kind = \"published\"\nfrom = \"Table 1\"",
+        "kind = \"printed\"\nfrom = \"Table 1\"",
+        "kind = \"printed\"",
+        "provenance[0].kind",
+        "unknown value `printed`; use one of `published`",
+    );
+}
+
+/// A name may have dots in it.
+#[test]
+fn a_dotted_name() {
+    let text = model_text().replace("n3 = [0.0, 0.5, 0.0]", "\"n.3\" = [0.0, inf, 0.0]");
+    let text = text
+        .replace("\"n3\"", "\"n.3\"")
+        .replace("\"nodes.n3\", ", "");
+    let error = error_of(&text);
+    assert_eq!(error.entry(), "nodes.n.3", "{error}");
+    let line = text.lines().position(|line| line.starts_with("\"n.3\" ="));
+    assert_eq!(
+        error.place().map(|(line, _)| line),
+        line.map(|line| line + 1)
     );
 }
 
@@ -428,9 +484,9 @@ fn provenance_of_nothing() {
     refused(
         "\"nodes.n3\", \"nodes.n5\"",
         "\"nodes.n3\", \"nodes.n4\"",
-        "[[provenance]]",
-        "provenance",
         "\"nodes.n4\"",
+        "provenance[4].entries",
+        "there is no entry \"nodes.n4\"",
     );
 }
 
@@ -463,24 +519,32 @@ fn based_on_another() {
     assert!(own.contains("variant.toml:3:1: bodies.frame.mass"), "{own}");
     let unknown = load(&format!("{start}[bodies.frame]\nmas = 1.0\n"));
     assert!(
-        unknown.contains("variant.toml:3:1: bodies.frame.mas: unknown field"),
+        unknown.contains("variant.toml:3:1: bodies.frame.mas: unknown key"),
         "{unknown}"
     );
     let whole = load(&format!("{start}[nodes]\nlost = [0.0, 0.0, 0.0]\n"));
     assert!(
-        whole.contains("variant.toml:3:1: nodes.lost: moves with nothing"),
+        whole.contains("variant.toml:3:1: nodes.lost: the node is not attached"),
         "{whole}"
     );
     let base = load(&format!(
         "{start}[control]\ndamping = 0.5\n[base]\nnodes = []\n"
     ));
     assert!(
-        base.contains("base.toml:") && base.contains("nodes.n9: moves with nothing"),
+        base.contains("base.toml:") && base.contains("nodes.n9: the node is not attached"),
         "{base}"
+    );
+    // The file's own statement is counted after those of its base.
+    let stated = load(&format!(
+        "{start}[[provenance]]\nkind = \"assumed\"\nfrom = \"\"\nentries = [\"lost\"]\n"
+    ));
+    assert!(
+        stated.contains("variant.toml:5:1: provenance[10].entries: there is no entry \"lost\""),
+        "{stated}"
     );
     assert!(load("based_on = \"none.toml\"\n").contains("none.toml cannot be read"));
     assert!(load("based_on = \"variant.toml\"\n").contains("more than 8 files"));
-    assert!(load("based_on = 3\n").contains("variant.toml:1:1: based_on: is the path"));
+    assert!(load("based_on = 3\n").contains("variant.toml:1:1: based_on: must be the path"));
 }
 
 #[test]

@@ -79,6 +79,32 @@ fn the_usual_machine_has_a_controller() {
     }
 }
 
+/// Beside the chosen feedback stand the other two.
+#[test]
+fn the_file_names_the_other_choices() {
+    for (feedback, line) in [
+        (
+            Feedback::Acceleration,
+            r#"feedback = "acceleration" # or "force", "both""#,
+        ),
+        (
+            Feedback::Force,
+            r#"feedback = "force" # or "acceleration", "both""#,
+        ),
+        (
+            Feedback::Both,
+            r#"feedback = "both" # or "acceleration", "force""#,
+        ),
+    ] {
+        let outline = Outline {
+            feedback,
+            ..Outline::default()
+        };
+        let text = outline.machine_file(Path::new("new.toml")).unwrap();
+        assert!(text.lines().any(|found| found == line), "{text}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
 

@@ -17,45 +17,45 @@ use crate::files::write_whole;
 #[derive(Args)]
 #[command(allow_negative_numbers = true)]
 pub struct NewArguments {
-    /// What the machine is called: lower-case letters, digits, hyphens.
+    /// Name of the machine: lower-case letters, digits and hyphens, a letter first.
     name: Option<String>,
-    /// Mounts about the frame: 3 of two legs each, or 6 of one.
+    /// Number of mounts: 3 with two legs each, or 6 with one leg each.
     #[arg(long, value_parser = mounts)]
     mounts: Option<Mounts>,
-    /// Radius of their circle, m.
+    /// Radius of the circle of mounts, m.
     #[arg(long)]
     radius: Option<f64>,
-    /// Of the mounts above the feet, m.
+    /// Mount height above the feet, m.
     #[arg(long)]
     height: Option<f64>,
-    /// Of a leg with the floor, degrees.
+    /// Angle between a leg and the floor, degrees.
     #[arg(long)]
     leg_angle: Option<f64>,
-    /// EA/L of a leg, N/m.
+    /// Axial stiffness EA/L of a leg, N/m.
     #[arg(long)]
     leg_stiffness: Option<f64>,
-    /// kg.
+    /// Mass of the frame, kg.
     #[arg(long)]
     frame_mass: Option<f64>,
-    /// kg; 0 for a frame alone.
+    /// Mass of the payload, kg; 0 for no payload.
     #[arg(long)]
     payload_mass: Option<f64>,
-    /// Of the payload's centre of gravity below the frame, m.
+    /// Distance of the payload's centre of gravity below the frame, m.
     #[arg(long)]
     payload_below: Option<f64>,
-    /// About where the payload moves on the frame, Hz.
+    /// Approximate frequency of the payload's internal modes on the frame, Hz.
     #[arg(long)]
     internal: Option<f64>,
-    /// What is fed back.
+    /// Sensors to feed back.
     #[arg(long, value_parser = feedback())]
     feedback: Option<Feedback>,
-    /// What the mounts are to look like, Hz.
+    /// Target suspension frequency, Hz.
     #[arg(long)]
     frequency: Option<f64>,
-    /// Ask nothing: what is not given is as in the paper's machine.
+    /// Ask no questions: values that are not given are those of the paper's machine.
     #[arg(long)]
     yes: bool,
-    /// The file [default: models/NAME.toml, or NAME.toml where there is no models].
+    /// File to write [default: models/NAME.toml, or NAME.toml without a folder models].
     #[arg(long)]
     output: Option<PathBuf>,
 }
@@ -68,11 +68,11 @@ fn mounts(text: &str) -> Result<Mounts, String> {
     match text {
         "3" => Ok(Mounts::Three),
         "6" => Ok(Mounts::Six),
-        _ => Err("there are six legs: 3 mounts of two, or 6 mounts of one".to_owned()),
+        _ => Err("must be 3 (two legs each) or 6 (one leg each)".to_owned()),
     }
 }
 
-/// Asks what was not given, or takes the usual.
+/// Asks for values that were not given, or takes the defaults.
 struct Questions {
     asked: bool,
 }
@@ -109,7 +109,7 @@ impl Questions {
                     if right(*x) {
                         Ok(())
                     } else {
-                        Err(format!("a number of at least {least}"))
+                        Err(format!("Enter a number, at least {least}"))
                     }
                 })
                 .interact_text()
@@ -161,27 +161,27 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
     let a = arguments;
     let name = ask.text(a.name.as_ref(), "Name of the machine", &usual.name)?;
     let mounts = [
-        ("3 mounts of two legs each", Mounts::Three),
-        ("6 mounts of one leg each", Mounts::Six),
+        ("3 mounts with two legs each", Mounts::Three),
+        ("6 mounts with one leg each", Mounts::Six),
     ];
     let mounts = ask.choice(a.mounts, "Mounts", &mounts)?;
     let number = |flag, given, question, usual| ask.number(flag, given, question, usual, SMALL);
     let radius = number(
         "radius",
         a.radius,
-        "Radius of the mounts' circle, m",
+        "Radius of the circle of mounts, m",
         usual.radius,
     )?;
     let height = number(
         "height",
         a.height,
-        "Height of the mounts above the feet, m",
+        "Mount height above the feet, m",
         usual.height,
     )?;
     let leg_angle = number(
         "leg-angle",
         a.leg_angle,
-        "Angle of a leg with the floor, degrees",
+        "Angle between a leg and the floor, degrees",
         usual.leg_angle,
     )?;
     if leg_angle > 89.0 {
@@ -190,7 +190,7 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
     let leg_stiffness = number(
         "leg-stiffness",
         a.leg_stiffness,
-        "Stiffness of a leg along itself, N/m",
+        "Axial stiffness of a leg, N/m",
         usual.leg_stiffness,
     )?;
     let frame_mass = number(
@@ -202,7 +202,7 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
     let payload_mass = ask.number(
         "payload-mass",
         a.payload_mass,
-        "Mass of the payload below it, kg; 0 for none",
+        "Mass of the payload below the frame, kg (0 for none)",
         usual.payload_mass,
         0.0,
     )?;
@@ -211,13 +211,13 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
         payload_below = number(
             "payload-below",
             a.payload_below,
-            "The payload's centre of gravity below the frame, m",
+            "Distance of the payload's centre of gravity below the frame, m",
             payload_below,
         )?;
         internal = number(
             "internal",
             a.internal,
-            "The payload moves on the frame at about, Hz",
+            "Approximate frequency of the payload's internal modes, Hz",
             internal,
         )?;
     }
@@ -233,7 +233,7 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
     let frequency = number(
         "frequency",
         a.frequency,
-        "It is to behave as if on springs of, Hz",
+        "Target suspension frequency, Hz",
         usual.frequency,
     )?;
     let outline = Outline {
@@ -269,9 +269,9 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
         write_whole(&beside, schema().as_bytes())?;
     }
     let path = path.display();
-    println!("{path} is written. What next?");
-    println!("  host-gen modes {path}    its modes");
-    println!("  host-gen report {path}   everything, on one page");
-    println!("  host-gen watch {path}    the same, as you change the file");
+    println!("Wrote {path}. Next:");
+    println!("  host-gen modes {path}    natural frequencies and mode shapes");
+    println!("  host-gen report {path}   one page with everything");
+    println!("  host-gen watch {path}    the same page, redrawn when the file changes");
     Ok(())
 }

@@ -14,7 +14,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::outcome::{Advice, Shaping};
 use super::reach::Effort;
-use crate::machine::{Machine, Minimise};
+use crate::machine::Machine;
 
 /// A folder of results.
 #[derive(Clone, Debug)]
@@ -44,44 +44,11 @@ struct Entry {
 
 impl Key {
     pub(super) fn new(machine: &Machine, effort: Effort) -> Self {
-        // Without `..`: whoever adds a field decides here whether the search reads it.
-        let Machine {
-            nodes,
-            bodies,
-            beams,
-            coordinates,
-            actuators,
-            accelerometers,
-            force_sensors,
-            floor,
-            performance,
-            bands,
-            gravity,
-            damping,
-            target,
-            board,
-            simulation,
-            robustness,
-            name: _,
-            supervision: _,
-            shapes: _,
-            provenance: _,
-            digest: _,
-            description: _,
-            source: _,
-        } = machine;
-        let floor_band = match target.minimise {
-            Minimise::Rms => Some(simulation.floor_band),
-            Minimise::Peaks => None,
-        };
-        // Debug prints numbers in the shortest form that reads back to the same bits.
-        let arrangement = (nodes, bodies, beams, coordinates, actuators, gravity, damping);
-        let signals = (accelerometers, force_sensors, floor, performance, bands);
-        let loops = (target, board, robustness, floor_band, effort);
         let text = format!(
-            "{} {} {arrangement:?} {signals:?} {loops:?}",
+            "{} {} {effort:?} {}",
             env!("CARGO_PKG_VERSION"),
             env!("HOST_GEN_SEARCH_SOURCES"),
+            machine.search_inputs(),
         );
         Self(hexadecimal(text.as_bytes()))
     }

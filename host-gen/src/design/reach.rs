@@ -19,7 +19,7 @@ use crate::closed_loop::{
     LoopGrid, PeakSensitivity, SLOWEST, SampledLoop, close_ideal, ideal_poles, stable,
 };
 use crate::control::{Gains, LinearLaw, table};
-use crate::machine::{Feedback, LawName, Target};
+use crate::machine::{DESIGN_SAMPLES, Feedback, LawName, Target};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::plant::zeros::{grow, transmission_zeros};
@@ -28,9 +28,6 @@ use crate::progress::Progress;
 /// The sampled loop's corner may lie this much above the ideal loop's before
 /// the target counts as missed: half an octave.
 pub const CORNER_SLACK: f64 = SQRT_2;
-
-/// A design is tried on at most this many randomly perturbed machines.
-const PERTURBED: usize = 40;
 
 /// How long to search for the shapes of the modal law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -262,7 +259,7 @@ impl Reach<'_> {
     /// on which the loop is not stable.
     fn perturbed(&self, target: &Target, law: &LinearLaw) -> Result<PerturbedSet, Miss> {
         let machine = self.study.machine();
-        let samples = PERTURBED.min(machine.robustness.samples);
+        let samples = DESIGN_SAMPLES.min(machine.robustness.samples);
         let low = SLOWEST * target.frequency;
         let peaks = (0..samples)
             .into_par_iter()

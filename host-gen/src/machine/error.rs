@@ -1,87 +1,146 @@
-//! Errors in a machine file, with the place and the mend.
+//! Errors in a machine: the place, the entry, the cause and the fix.
 
 use std::fmt;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::source::line_and_column;
-
-/// What is wrong with a machine file, where, and what mends it.
-#[derive(Debug, PartialEq, Eq)]
+/// What is wrong with a machine, where, and how to fix it.
+///
+/// Displayed, it is one line: `FILE:LINE:COLUMN: ENTRY: MESSAGE; FIX`, each part where it
+/// is known. A machine that was built in code has no file and no line.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MachineError {
-    file: PathBuf,
-    /// Line and column, from 1.
-    place: Option<(usize, usize)>,
-    /// The entry, such as `beams.leg4`; empty where it is the file itself.
-    entry: String,
-    problem: String,
+    file: Option<PathBuf>,
+    place: Option<Box<Place>>,
+    error: EntryError,
+}
+
+/// Bytes of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Place {
+    text: String,
+    span: Range<usize>,
 }
 
 impl fmt::Display for MachineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.file.display())?;
-        if let Some((line, column)) = self.place {
-            write!(f, ":{line}:{column}")?;
+        if let Some(file) = &self.file {
+            write!(f, "{}", file.display())?;
+            if let Some((line, column)) = self.place() {
+                write!(f, ":{line}:{column}")?;
+            }
+            f.write_str(": ")?;
         }
-        if !self.entry.is_empty() {
-            write!(f, ": {}", self.entry)?;
+        if !self.error.entry.is_empty() {
+            write!(f, "{}: ", self.error.entry)?;
         }
-        write!(f, ": {}", self.problem)
+        f.write_str(&self.error.message)?;
+        if let Some(fix) = &self.error.fix {
+            write!(f, "; {fix}")?;
+        }
+        Ok(())
     }
 }
 
 impl std::error::Error for MachineError {}
 
 impl MachineError {
-    /// The entry the error names.
-    pub fn entry(&self) -> &str {
-        &self.entry
+    /// The file that the error is in; none for a machine that was built in code.
+    pub fn file(&self) -> Option<&Path> {
+        self.file.as_deref()
     }
 
-    /// Line and column of that entry, from 1.
+    /// The text of that file, if it could be read and the entry is in it.
+    pub fn text(&self) -> Option<&str> {
+        self.place.as_ref().map(|place| &*place.text)
+    }
+
+    /// The bytes of [`text`](Self::text) that are wrong: within one line, and empty where
+    /// something is missing.
+    pub fn span(&self) -> Option<Range<usize>> {
+        self.place.as_ref().map(|place| place.span.clone())
+    }
+
+    /// Line and column at which the span begins, from 1. Columns count characters.
     pub fn place(&self) -> Option<(usize, usize)> {
-        self.place
+        let Place { text, span } = &**self.place.as_ref()?;
+        let before = text.get(..span.start).unwrap_or(text);
+        let before = before.strip_prefix(BYTE_ORDER_MARK).unwrap_or(before);
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
+        Some((line, column))
     }
 
-    pub(super) fn unreadable(file: &Path, error: &std::io::Error) -> Self {
+    /// The entry, such as `beams.leg4`; empty for the file as a whole.
+    pub fn entry(&self) -> &str {
+        &self.error.entry
+    }
+
+    /// The cause.
+    pub fn message(&self) -> &str {
+        &self.error.message
+    }
+
+    /// How to fix it, if the message does not say so already.
+    pub fn fix(&self) -> Option<&str> {
+        self.error.fix.as_deref()
+    }
+
+    pub(super) fn in_code(error: EntryError) -> Self {
         Self {
-            file: file.to_owned(),
+            file: None,
             place: None,
-            entry: String::new(),
-            problem: format!("cannot be read: {error}"),
+            error,
         }
     }
 
-    pub(super) fn syntax(file: &Path, text: &str, error: &toml::de::Error) -> Self {
+    pub(super) fn in_file(file: &Path, error: EntryError) -> Self {
         Self {
-            file: file.to_owned(),
-            place: error.span().map(|span| line_and_column(text, span.start)),
-            entry: String::new(),
-            problem: error.message().to_owned(),
+            file: Some(file.to_owned()),
+            place: None,
+            error,
         }
     }
 
-    pub(super) fn new(file: &Path, place: Option<(usize, usize)>, fault: Fault) -> Self {
+    /// An error at `span` of the `text` of a file.
+    pub(super) fn at(file: &Path, text: &str, span: Range<usize>, error: EntryError) -> Self {
+        let start = span.start.min(text.len());
+        let line = text[start..].find(['\r', '\n']);
+        let end_of_line = line.map_or(text.len(), |length| start + length);
         Self {
-            file: file.to_owned(),
-            place,
-            entry: fault.entry,
-            problem: fault.problem,
+            file: Some(file.to_owned()),
+            place: Some(Box::new(Place {
+                text: text.to_owned(),
+                span: start..span.end.clamp(start, end_of_line),
+            })),
+            error,
         }
     }
 }
+
+/// Some editors begin a file with it.
+const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// An error before its place is known.
-#[derive(Debug)]
-pub(crate) struct Fault {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct EntryError {
     pub entry: String,
-    pub problem: String,
+    pub message: String,
+    pub fix: Option<String>,
 }
 
-impl Fault {
-    pub fn new(entry: impl Into<String>, problem: impl Into<String>) -> Self {
+impl EntryError {
+    pub fn new(entry: impl Into<String>, message: impl Into<String>) -> Self {
         Self {
             entry: entry.into(),
-            problem: problem.into(),
+            message: message.into(),
+            fix: None,
         }
+    }
+
+    /// Says how to fix it.
+    pub fn fix(mut self, fix: impl Into<String>) -> Self {
+        self.fix = Some(fix.into());
+        self
     }
 }

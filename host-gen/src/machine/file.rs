@@ -1,262 +1,454 @@
-//! The machine file as written: TOML, SI units, angles in none.
+//! The machine file as data: one Rust type per table of the file.
 //!
-//! Every key is described in `docs/machine-file.md`. This module only says what
-//! may stand where; [`super::Machine`] is what has been checked.
+//! TOML files are read into these types, and code can fill them in directly;
+//! [`Machine::build`](super::Machine::build) checks both in the same way. The types say
+//! which keys a table has; [`Machine`](super::Machine) is what has been checked. SI
+//! units, frequencies in Hz. A type named `…Entry` is only the file's form of something;
+//! the others are kept by `Machine` as they are.
+//!
+//! The docs of each field are the hover text of that key in an editor (JSON Schema).
+//! `docs/machine-file.md` describes all keys with their background.
+//!
+//! A machine in code: a disc on six legs, controlled to 2 Hz.
+//!
+//! ```
+//! use std::f64::consts::TAU;
+//!
+//! use host_gen::machine::file::*;
+//! use host_gen::machine::{Feedback, LawName, Machine, Minimise, Simulation, Supervision};
+//!
+//! let on_circle = |radius: f64, degrees: f64, z: f64| {
+//!     let (sin, cos) = degrees.to_radians().sin_cos();
+//!     [radius * cos, radius * sin, z]
+//! };
+//! let at = |node: String, direction| DirectionEntry { node, direction };
+//! let mut file = MachineFile {
+//!     format: 1,
+//!     name: "disc".to_owned(),
+//!     gravity: [0.0; 3],
+//!     nodes: Default::default(),
+//!     base: BaseEntry::default(),
+//!     bodies: Default::default(),
+//!     profiles: Default::default(),
+//!     beams: Default::default(),
+//!     coordinates: CoordinatesEntry::default(),
+//!     actuators: ActuatorsEntry::default(),
+//!     sensors: SensorsEntry::default(),
+//!     floor: FloorEntry::default(),
+//!     performance: PerformanceEntry::default(),
+//!     damping: DampingEntry::default(),
+//!     control: ControlEntry {
+//!         feedback: Feedback::Acceleration,
+//!         frequency: 2.0,
+//!         damping: 0.7,
+//!         max_sensitivity: 2.0,
+//!         law: LawName::Modal,
+//!         minimise: Minimise::Peaks,
+//!     },
+//!     board: BoardEntry {
+//!         sample_rate: 20e3,
+//!         conversion_delay: 10e-6,
+//!         output_delay: 40e-6,
+//!         adc: AdcEntry { bits: 16, range: 10.0, noise: 0.2e-3 },
+//!         dac: DacEntry { bits: 16, range: [0.0, 5.0], noise: 50e-6 },
+//!         accelerometer: Some(SensorEntry {
+//!             sensitivity: 20.0,
+//!             noise_density: 1e-7,
+//!             offset: 0.0,
+//!             bandwidth: None,
+//!         }),
+//!         force_sensor: None,
+//!         actuator: ActuatorEntry { gain: 100.0, limit: 200.0, bandwidth: None },
+//!     },
+//!     supervision: Supervision::default(),
+//!     simulation: Simulation::default(),
+//!     robustness: RobustnessEntry::default(),
+//!     provenance: Vec::new(),
+//! };
+//! let mut on_disc = Vec::new();
+//! for leg in 0..6 {
+//!     let degrees = 60.0 * f64::from(leg);
+//!     let lean = if leg % 2 == 0 { 15.0 } else { -15.0 };
+//!     let (top, foot) = (format!("top{leg}"), format!("foot{leg}"));
+//!     file.nodes.insert(top.clone(), on_circle(0.5, degrees, 0.0));
+//!     file.nodes.insert(foot.clone(), on_circle(0.5, degrees + lean, -0.2));
+//!     file.base.nodes.push(foot.clone());
+//!     on_disc.push(top.clone());
+//!     let name = format!("leg{leg}");
+//!     file.beams.insert(
+//!         name.clone(),
+//!         BeamEntry {
+//!             nodes: [foot.clone(), top.clone()],
+//!             stiffness: Some(ProfileEntry {
+//!                 axial: Some(8e6),
+//!                 bending: Some([400.0, 400.0]),
+//!                 torsion: Some(6.0),
+//!                 ..ProfileEntry::default()
+//!             }),
+//!             ..BeamEntry::default()
+//!         },
+//!     );
+//!     file.coordinates.deformations.push(format!("{name}.e1"));
+//!     file.actuators.beams.push(name);
+//!     // Along the circle and upwards, by turns.
+//!     let (sin, cos) = degrees.to_radians().sin_cos();
+//!     let direction = if leg % 2 == 0 { [-sin, cos, 0.0] } else { [0.0, 0.0, 1.0] };
+//!     let sensors = &mut file.sensors.acceleration;
+//!     sensors.insert(format!("a{leg}"), at(top.clone(), direction));
+//!     file.floor.inputs.insert(format!("floor{leg}"), at(foot, direction));
+//!     let outputs = &mut file.performance.accelerations;
+//!     outputs.insert(format!("w{leg}"), at(top, direction));
+//! }
+//! file.bodies.insert(
+//!     "disc".to_owned(),
+//!     BodyEntry {
+//!         mass: 700.0,
+//!         inertia: Inertia::Diagonal([44.0, 44.0, 88.0]),
+//!         cog: [0.0; 3],
+//!         nodes: on_disc,
+//!     },
+//! );
+//!
+//! let machine = Machine::build(file.clone())?;
+//! assert_eq!(machine.target.omega(), TAU * 2.0);
+//!
+//! // A refusal names the entry, as it does for a file.
+//! file.bodies["disc"].mass = -700.0;
+//! let error = Machine::build(file).unwrap_err();
+//! assert_eq!(error.entry(), "bodies.disc.mass");
+//! assert_eq!(error.message(), "mass must be above 0 kg, not -700");
+//! # Ok::<(), host_gen::machine::MachineError>(())
+//! ```
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The whole file.
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// The whole machine file.
+///
+/// Serialised, it leaves out [`simulation`](Self::simulation),
+/// [`robustness`](Self::robustness) and [`provenance`](Self::provenance), which the
+/// digest of a machine does not cover.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct File {
-    /// Layout of the file; 1.
+pub struct MachineFile {
+    /// Version of the file format: 1.
     #[schemars(range(min = 1, max = 1))]
     pub format: u32,
-    /// What the machine is called.
+    /// Name of the machine: lower-case letters, digits and hyphens, a letter first. The
+    /// generated table's file is named after it.
     #[schemars(regex(pattern = "^[a-z][a-z0-9-]*$"))]
     pub name: String,
-    /// Acceleration of gravity, m/s²; none if not given.
+    /// Acceleration of gravity `[x, y, z]`, m/s². Default: no gravity. With gravity, the
+    /// geometry is that of the loaded machine, and static loads change the stiffness.
     #[serde(default)]
     pub gravity: [f64; 3],
-    /// Positions, m.
+    /// Position `[x, y, z]` of each node by name, m. Every node moves with one body or with
+    /// the base.
     pub nodes: IndexMap<String, [f64; 3]>,
-    /// The moving base.
-    pub base: Base,
-    /// Rigid bodies.
-    pub bodies: IndexMap<String, Body>,
-    /// Stiffness sets that beams share by name.
+    /// The rigid base, which moves with the floor.
+    pub base: BaseEntry,
+    /// Rigid bodies by name, at least one.
+    pub bodies: IndexMap<String, BodyEntry>,
+    /// Stiffness sets by name, for beams that share one.
     #[serde(default)]
-    pub profiles: IndexMap<String, Profile>,
-    /// Massless beams.
-    pub beams: IndexMap<String, Beam>,
-    /// The degrees of freedom q_d.
-    pub coordinates: Coordinates,
-    /// Beams with an actuator along them.
-    pub actuators: Actuators,
-    /// Feedback sensors.
-    pub sensors: Sensors,
-    /// Rheonomic inputs.
-    pub floor: Floor,
-    /// What is judged.
-    pub performance: Performance,
-    /// Damping of the whole; that of single beams stands with them.
+    pub profiles: IndexMap<String, ProfileEntry>,
+    /// Massless beams by name, between two nodes each.
+    pub beams: IndexMap<String, BeamEntry>,
+    /// The degrees of freedom q_d, Eq. (7).
+    pub coordinates: CoordinatesEntry,
+    /// The beams with an actuator, Eq. (9).
+    pub actuators: ActuatorsEntry,
+    /// Sensors for feedback, Eq. (11), Eq. (12).
+    pub sensors: SensorsEntry,
+    /// Floor motion, the prescribed (rheonomic) inputs q_r, Eq. (8).
+    pub floor: FloorEntry,
+    /// Performance outputs, Eq. (10), and the bands in which they are judged.
+    pub performance: PerformanceEntry,
+    /// Damping of the machine as a whole. Damping of single beams is given with the beams;
+    /// all add up.
     #[serde(default)]
-    pub damping: Damping,
-    /// The control target.
-    pub control: Control,
-    /// The board.
-    pub board: Board,
-    /// When the supervisor acts.
+    pub damping: DampingEntry,
+    /// Objectives of the controller.
+    pub control: ControlEntry,
+    /// The board: converters, sensors, actuators, delays.
+    pub board: BoardEntry,
+    /// Limits and times of the supervisor.
     #[serde(default)]
     pub supervision: Supervision,
-    /// The standard run in simulation. Not part of the digest.
+    /// Settings of the standard simulation. Part of the digest only as far as the search for
+    /// the controller reads them: `floor_band`, with `minimise = "rms"`.
     #[serde(default, skip_serializing)]
     pub simulation: Simulation,
-    /// The Monte Carlo run. Not part of the digest.
+    /// Settings of the randomly perturbed machines, on which `robust` runs and a design of the
+    /// modal law is verified.
     #[serde(default, skip_serializing)]
-    pub robustness: Robustness,
-    /// Where the numbers come from. Not part of the digest.
+    pub robustness: RobustnessEntry,
+    /// Sources of the numbers in this file. Not part of the digest.
     #[serde(default, skip_serializing)]
     pub provenance: Vec<Provenance>,
 }
 
-/// `[base]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+impl MachineFile {
+    /// All keys with their values as TOML, defaults included.
+    ///
+    /// # Errors
+    /// If an integer is above that of TOML, 2⁶³ − 1.
+    pub fn to_table(&self) -> Result<toml::Table, toml::ser::Error> {
+        let mut table = toml::Table::try_from(self)?;
+        let simulation = toml::Value::try_from(self.simulation)?;
+        let robustness = toml::Value::try_from(&self.robustness)?;
+        let provenance = toml::Value::try_from(&self.provenance)?;
+        table.insert("simulation".to_owned(), simulation);
+        table.insert("robustness".to_owned(), robustness);
+        table.insert("provenance".to_owned(), provenance);
+        Ok(table)
+    }
+}
+
+/// `[base]`: the rigid base.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Base {
-    /// Nodes that move with the base.
+pub struct BaseEntry {
+    /// Names of the nodes that move with the base.
     pub nodes: Vec<String>,
 }
 
-/// `[bodies.NAME]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[bodies.NAME]`: a rigid body.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Body {
-    /// kg.
+pub struct BodyEntry {
+    /// Mass of the body, kg. Above 0.
     #[schemars(range(min = 0))]
     pub mass: f64,
-    /// About the body's own centre of gravity, kg m²: `[Ixx, Iyy, Izz]`, or
-    /// the full tensor as three rows.
+    /// Inertia about the body's own centre of gravity, kg m². `[Ixx, Iyy, Izz]`, or the
+    /// symmetric tensor as three rows, its off-diagonals with the tensor's sign
+    /// (Ixy = −∫xy dm).
     pub inertia: Inertia,
-    /// Centre of gravity, m.
+    /// Position `[x, y, z]` of the centre of gravity, m.
     pub cog: [f64; 3],
-    /// Nodes that move with the body.
+    /// Names of the nodes that move with the body.
     pub nodes: Vec<String>,
 }
 
-/// Inertia in either notation.
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// Inertia of a body about its centre of gravity, in one of two notations.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(
     untagged,
-    expecting = "inertia is three principal moments [Ixx, Iyy, Izz] or three rows of the tensor, kg m²"
+    expecting = "expected three principal moments [Ixx, Iyy, Izz] or three rows of the tensor, in kg m²"
 )]
 pub enum Inertia {
-    /// Principal moments about the axes of the file.
+    /// Principal moments `[Ixx, Iyy, Izz]` about the axes of the file, kg m². All above 0.
     Diagonal([f64; 3]),
-    /// Symmetric tensor by rows.
+    /// Symmetric, positive definite tensor by rows, kg m².
     Tensor([[f64; 3]; 3]),
 }
 
-/// `[profiles.NAME]`, or given with the beam: either the end stiffnesses or
-/// material and section.
-#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+/// A stiffness set: `[profiles.NAME]`, or `stiffness` of a beam.
+///
+/// Give either `axial`, `bending` and `torsion`, or material and section
+/// (`youngs_modulus`, `shear_modulus`, `area`, `second_moments`, `torsion_constant`).
+/// `loss_factor` and `damper` go with both.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Profile {
-    /// EA/L, N/m.
+pub struct ProfileEntry {
+    /// Axial stiffness EA/L, N/m. Not negative.
     pub axial: Option<f64>,
-    /// EI/L in the planes of `e3, e4` and of `e5, e6`, N m.
+    /// Bending stiffness EI/L in the planes of e3, e4 and of e5, e6, N m. Not negative.
     pub bending: Option<[f64; 2]>,
-    /// GJ/L, N m.
+    /// Torsional stiffness GJ/L, N m. Not negative.
     pub torsion: Option<f64>,
-    /// Young's modulus E, Pa.
+    /// Young's modulus E, Pa. Above 0.
     pub youngs_modulus: Option<f64>,
-    /// Shear modulus G, Pa.
+    /// Shear modulus G, Pa. Above 0.
     pub shear_modulus: Option<f64>,
-    /// Cross-section A, m².
+    /// Cross-section area A, m².
     pub area: Option<f64>,
-    /// Second moments of area for bending in the planes of `e3, e4` and of
-    /// `e5, e6`, m⁴.
+    /// Second moments of area I for bending in the planes of e3, e4 and of e5, e6, m⁴.
     pub second_moments: Option<[f64; 2]>,
-    /// Torsion constant J, m⁴.
+    /// Torsion constant J of the section, m⁴.
     pub torsion_constant: Option<f64>,
-    /// Loss factor of the material.
+    /// Loss factor of the material (no unit), not negative. Default: 0. Adds half its mean
+    /// over a mode's strain energy to the damping ratio of the mode.
     pub loss_factor: Option<f64>,
-    /// A damper along the beam, N s/m.
+    /// Viscous damper along the beam, N s/m. Not negative. Default: 0.
     pub damper: Option<f64>,
 }
 
-/// `[beams.NAME]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[beams.NAME]`: a massless Euler–Bernoulli beam.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Beam {
-    /// From the first to the second; e1 grows as they part.
+pub struct BeamEntry {
+    /// The two end nodes `["P", "Q"]`. The elongation e1 is positive when Q moves away
+    /// from P.
     pub nodes: [String; 2],
-    /// A shared stiffness set.
+    /// Name of a shared stiffness set under `[profiles]`. Give either this or `stiffness`.
     pub profile: Option<String>,
-    /// The beam's own.
-    pub stiffness: Option<Profile>,
-    /// Roughly the direction of the local y axis; found if not given.
+    /// The beam's own stiffness set. Give either this or `profile`.
+    pub stiffness: Option<ProfileEntry>,
+    /// Approximate direction `[x, y, z]` of the local y axis (no unit). Only its part across
+    /// the beam counts. Default: local z is as near to the file's z as possible; for an upright beam,
+    /// local y is the file's y.
     pub y_axis: Option<[f64; 3]>,
 }
 
-/// `[coordinates]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[coordinates]`: the degrees of freedom.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Coordinates {
-    /// `"BEAM.e1"` to `"BEAM.e6"`.
+pub struct CoordinatesEntry {
+    /// Degrees of freedom q_d, Eq. (7), as `"BEAM.e1"` to `"BEAM.e6"`: six independent ones
+    /// per body.
     pub deformations: Vec<String>,
 }
 
-/// `[actuators]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[actuators]`: the actuated beams.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Actuators {
-    /// The six legs, in channel order.
+pub struct ActuatorsEntry {
+    /// Names of the six actuated beams (legs), in channel order. The force acts along the
+    /// beam, positive when it pushes the ends apart.
     pub beams: Vec<String>,
 }
 
-/// `[sensors]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[sensors]`: six sensors of the kind that is fed back, or six of each kind.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sensors {
-    /// Accelerometers, in channel order.
+pub struct SensorsEntry {
+    /// Accelerometers by name, none or six, in channel order.
     #[serde(default)]
-    pub acceleration: IndexMap<String, NodeDirection>,
-    /// Leg force sensors, in channel order.
+    pub acceleration: IndexMap<String, DirectionEntry>,
+    /// Force sensors in the legs by name, none or six, in channel order. Positive in
+    /// compression, as the leg's push.
     #[serde(default)]
-    pub force: IndexMap<String, ForceSensor>,
+    pub force: IndexMap<String, ForceSensorEntry>,
 }
 
 /// A direction at a node.
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct NodeDirection {
-    /// Where.
+pub struct DirectionEntry {
+    /// Name of the node.
     pub node: String,
-    /// Unit vector.
+    /// Unit vector `[x, y, z]` of the positive direction (no unit).
     pub direction: [f64; 3],
 }
 
 /// A force sensor in a leg.
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct ForceSensor {
-    /// Which.
+pub struct ForceSensorEntry {
+    /// Name of the actuated beam that the sensor is in.
     pub beam: String,
 }
 
-/// `[floor]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[floor]`: floor motion.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Floor {
-    /// Six directions at base nodes, which fix the motion of the rigid base.
-    pub inputs: IndexMap<String, NodeDirection>,
+pub struct FloorEntry {
+    /// Six directions at nodes of the base, by name, that together fix the motion of the
+    /// rigid base: the rheonomic inputs q_r, Eq. (8).
+    pub inputs: IndexMap<String, DirectionEntry>,
 }
 
-/// `[performance]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[performance]`: performance outputs, at least one, and frequency bands.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Performance {
-    /// Second time derivatives of deformations, `"BEAM.e1"` to `"BEAM.e6"`.
+pub struct PerformanceEntry {
+    /// Deformations whose second time derivatives (m/s²) are performance outputs, Eq. (10),
+    /// as `"BEAM.e1"` to `"BEAM.e6"`.
     #[serde(default)]
     pub deformations: Vec<String>,
-    /// Absolute accelerations.
+    /// Absolute accelerations (m/s²) that are performance outputs, by name.
     #[serde(default)]
-    pub accelerations: IndexMap<String, NodeDirection>,
-    /// Bands whose worst peak is reported, Hz.
+    pub accelerations: IndexMap<String, DirectionEntry>,
+    /// Frequency bands `[low, high]` by name, Hz. The highest peak of σ_max(G11) in each is
+    /// reported.
     #[serde(default)]
     pub bands: IndexMap<String, [f64; 2]>,
 }
 
-/// `[damping]`
-#[derive(Debug, Default, Deserialize, JsonSchema, Serialize)]
+/// `[damping]`: damping of the machine as a whole.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Damping {
-    /// Relative damping of every mode.
+pub struct DampingEntry {
+    /// Damping ratio of every mode (no unit), at least 0 and below 1. Default: 0.005, or 0
+    /// if the file gives any other damping.
     pub modal: Option<f64>,
-    /// α, 1/s, and β, s, of D = α·M + β·K.
+    /// Rayleigh damping `[α, β]` of D = α·M + β·K, 1/s and s. Not negative.
     pub rayleigh: Option<[f64; 2]>,
 }
 
-/// `[control]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[control]`: objectives of the controller.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Control {
-    /// `"acceleration"`, `"force"` or `"both"`.
+pub struct ControlEntry {
+    /// Sensors to feed back: `"acceleration"`, `"force"` or `"both"`.
     pub feedback: Feedback,
-    /// The corner the suspension is to get, ω_n/2π, Hz.
+    /// Target suspension frequency ω_n/2π, Hz. Above 0.
     pub frequency: f64,
-    /// Its relative damping ζ_n.
+    /// Target damping ratio ζ_n of the suspension (no unit), not negative.
     pub damping: f64,
-    /// The peak sensitivity the sampled loop may have.
+    /// Upper limit for the peak sensitivity of the sampled loop (no unit), above 1.
+    /// Default: 2.
     #[serde(default = "two")]
     pub max_sensitivity: f64,
-    /// How sensors become forces.
+    /// Structure of the control law: `"modal"` (the default) or `"direct"`.
     #[serde(default)]
     pub law: LawName,
-    /// What the shaping makes small.
+    /// Objective of the search for the controller: `"peaks"` (the default) or `"rms"`.
     #[serde(default)]
     pub minimise: Minimise,
+    /// Shapes of the modal law, one for each of the six modes, slowest mode first, as
+    /// `host-gen design` prints them. With them nothing is searched, and the controller
+    /// that they make is verified. Default: the best ones are searched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shapes: Option<Vec<ShapeEntry>>,
 }
 
-/// How sensors become forces.
+/// One of `[[control.shapes]]`: the shaping filter of one mode, with gain 1 at low frequency.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShapeEntry {
+    /// Corner frequencies of the two first-order lags, Hz. Above 0.
+    pub lags_hz: [f64; 2],
+    /// Corner frequency of the zero, Hz. Above 0.
+    pub zero_hz: f64,
+    /// Zeros of the second section.
+    pub notch: ResonanceEntry,
+    /// Poles of the second section.
+    pub notch_poles: ResonanceEntry,
+    /// Crossover frequency, Hz: accelerometers below it, force sensors above it. Above 0;
+    /// required if `feedback` is `"both"`, and not allowed otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub split_hz: Option<f64>,
+}
+
+/// A pair of poles or zeros of a shaping filter.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResonanceEntry {
+    /// Natural frequency ω/2π, Hz. Above 0.
+    pub hz: f64,
+    /// Damping ratio (no unit). Above 0; above 1 the pair is real.
+    pub damping: f64,
+}
+
+/// Structure of the control law.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum LawName {
-    /// Through the modes, each shaped by itself.
+    /// Modal control: each mode has its own filter.
     #[default]
     Modal,
-    /// By the matrices of Eq. (14), one roll-off for all.
+    /// The matrices of Eq. (14), with one low-pass filter for all channels.
     Direct,
 }
 
-/// What the shaping makes small.
+/// Objective of the search for the controller.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Minimise {
-    /// The peaks of σ_max(G11) in the bands of `performance`.
+    /// The highest peaks of σ_max(G11) in the bands of `performance`.
     #[default]
     Peaks,
     /// The rms of the performance outputs on the floor of `simulation`.
@@ -267,15 +459,15 @@ fn two() -> f64 {
     2.0
 }
 
-/// What the loop feeds back.
+/// Sensors that the loop feeds back.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Feedback {
-    /// Frame accelerations (Eq. 12).
+    /// Accelerometers on the frame, Eq. (12).
     Acceleration,
-    /// Leg forces (Eq. 11).
+    /// Force sensors in the legs, Eq. (11).
     Force,
-    /// Accelerations at low and forces at high frequency.
+    /// Accelerometers at low and force sensors at high frequency; with the modal law only.
     Both,
 }
 
@@ -308,140 +500,148 @@ impl core::str::FromStr for Feedback {
     }
 }
 
-/// `[board]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[board]`: converters, sensors, actuators and delays.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Board {
-    /// Hz.
+pub struct BoardEntry {
+    /// Sample rate of the control loop, Hz. Above 0.
     #[schemars(range(min = 0))]
     pub sample_rate: f64,
-    /// From the sampling instant until the code is read, s.
+    /// Delay from the sampling instant until the ADC code is read, s. Not negative.
     pub conversion_delay: f64,
-    /// From there until the output is latched, s.
+    /// Delay from reading the ADC codes until the outputs are latched, s. Not negative.
     pub output_delay: f64,
-    /// The six inputs.
-    pub adc: Adc,
-    /// The six outputs.
-    pub dac: Dac,
-    /// Accelerometers with their amplifiers.
-    pub accelerometer: Option<Sensor>,
-    /// Force sensors with their amplifiers.
-    pub force_sensor: Option<Sensor>,
-    /// Piezo with amplifier.
-    pub actuator: Actuator,
+    /// The input converters (ADC), all alike.
+    pub adc: AdcEntry,
+    /// The output converters (DAC), all alike.
+    pub dac: DacEntry,
+    /// Accelerometers with their amplifiers. Required if accelerations are fed back.
+    pub accelerometer: Option<SensorEntry>,
+    /// Force sensors with their amplifiers. Required if forces are fed back.
+    pub force_sensor: Option<SensorEntry>,
+    /// Piezo actuators with their amplifiers.
+    pub actuator: ActuatorEntry,
 }
 
-/// `[board.adc]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[board.adc]`: the input converters.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Adc {
-    /// 8 to 16.
+pub struct AdcEntry {
+    /// Resolution of the ADC, bits: 8 to 16.
     #[schemars(range(min = 8, max = 16))]
     pub bits: u32,
-    /// ±, V.
+    /// Input range of the ADC in either direction, V. The inputs reach from −range to +range.
     pub range: f64,
-    /// rms, V.
+    /// Noise of the ADC, rms, V. Not negative. Default: 0.
     #[serde(default)]
     pub noise: f64,
 }
 
-/// `[board.dac]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[board.dac]`: the output converters.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Dac {
-    /// 8 to 16.
+pub struct DacEntry {
+    /// Resolution of the DAC, bits: 8 to 16.
     #[schemars(range(min = 8, max = 16))]
     pub bits: u32,
-    /// Low and high end, V; the middle is no force.
+    /// Output range `[low, high]` of the DAC, V. Mid-range is zero force.
     pub range: [f64; 2],
-    /// rms, V.
+    /// Noise of the DAC, rms, V. Not negative. Default: 0.
     #[serde(default)]
     pub noise: f64,
 }
 
-/// `[board.accelerometer]`, `[board.force_sensor]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[board.accelerometer]` or `[board.force_sensor]`: sensors of one kind.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sensor {
-    /// V per m/s² or V per N, amplifier included.
+pub struct SensorEntry {
+    /// Sensitivity including the amplifier, V/(m/s²) or V/N. Negative if it inverts; not 0.
     pub sensitivity: f64,
-    /// White noise, m/s²/√Hz or N/√Hz.
+    /// White noise density of the sensor, m/s²/√Hz or N/√Hz. Not negative. Default: 0.
     #[serde(default)]
     pub noise_density: f64,
-    /// V.
+    /// Offset voltage at the converter, V. Default: 0.
     #[serde(default)]
     pub offset: f64,
-    /// First-order lag, Hz.
+    /// Bandwidth of the sensor as a first-order low-pass, Hz. Above 0. Default: no low-pass.
     pub bandwidth: Option<f64>,
 }
 
-/// `[board.actuator]`
-#[derive(Debug, Deserialize, JsonSchema, Serialize)]
+/// `[board.actuator]`: piezo actuators with their amplifiers.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Actuator {
-    /// N per V at the DAC.
+pub struct ActuatorEntry {
+    /// Force per volt at the DAC with the amplifier, N/V. Negative if it inverts; not 0.
     pub gain: f64,
-    /// Largest force either way, N.
+    /// Force limit of a leg in either direction, N. Above 0, and within the DAC's range.
     pub limit: f64,
-    /// First-order lag, Hz.
+    /// Bandwidth of amplifier and piezo as a first-order low-pass, Hz. Above 0. Default: no
+    /// low-pass.
     pub bandwidth: Option<f64>,
 }
 
-/// `[supervision]`
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize)]
+/// `[supervision]`: limits and times of the supervisor.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Supervision {
-    /// Soft start and stop, s.
+    /// Duration of a soft start or soft stop without the waiting time, s.
     pub soft_start: f64,
-    /// A soft start's wait for the machine to come to rest, and the time after it
-    /// over which the sensors' offsets are taken, s.
+    /// Waiting time at low gain within a soft start, s. The machine comes to rest, then the
+    /// sensor offsets are averaged for the same time.
     pub settle: f64,
-    /// From a fault to the safe codes, s.
+    /// Duration of the ramp from a fault to the safe output codes, s.
     pub safe_ramp: f64,
-    /// A sensor this long at a rail is a fault, s.
+    /// Time that a sensor may stay at an end of the ADC range before it is a fault, s.
     pub rail: f64,
-    /// A sensor this long at one code is a fault, s; 0 to leave it out. If not
-    /// given, 0.1, or 0 where sensor and ADC are too quiet for that.
+    /// Time that a sensor may stay at one code before it is a fault, s. 0 disables this
+    /// check. Default: 0.1, or disabled if sensor and ADC have too little noise.
     pub stuck: Option<f64>,
-    /// One code this far from those before and after it is a spike, codes; 0 to leave
-    /// it out. If not given, twenty times the noise and at least 48.
+    /// Smallest difference of a code from those before and after it that counts as a spike,
+    /// in ADC codes. 0 disables this check. Default: twenty times the noise, at least 48.
     pub spike: Option<u16>,
-    /// So many spikes within a second are a fault.
+    /// Number of spikes within one second that is a fault, at least 1.
     pub spikes: u32,
-    /// So many samples in a row not read are a fault.
+    /// Number of consecutive unread samples that is a fault, at least 1.
     pub lost: u32,
-    /// More deadlines missed in a window are a fault.
+    /// Number of missed deadlines that is tolerated in a window; more are a fault.
     pub late: u32,
-    /// Clamped for so long is a fault, s. If not given, one period of
-    /// `control.frequency`.
+    /// Time for which a force may be clamped before it is a fault, s. Default: one period
+    /// of `control.frequency`.
     pub saturated: Option<f64>,
-    /// Nobody heard on the link for this long while the legs are driven is a
-    /// fault, s; 0 to leave it out.
+    /// Time without a message on the link, while the legs are driven, that is a fault, s.
+    /// 0 disables this check.
     pub silence: f64,
-    /// Length of a window, s.
+    /// Length of the windows in which the supervisor computes variances, s.
     pub window: f64,
-    /// Forces whose power grows by this factor from window to window diverge,
+    /// Ratio of the forces' variances in successive windows (no unit), above 1, that counts
+    /// as growth. See `grown` and `level`.
     pub growth: f64,
-    /// if they do so many windows in a row
+    /// Number of consecutive windows with growing forces that is a fault (a diverging
+    /// loop), at least 1.
     pub grown: u32,
-    /// and come to this part of their limit.
+    /// Force level, as a fraction of the force limit (no unit), below which growing forces
+    /// are no fault. Above 0, at most 1.
     pub level: f64,
-    /// A sensor is implausible whose rms is this many times the median of its kind,
+    /// Ratio of a sensor's rms to the median of its kind (no unit), above 1, from which the
+    /// sensor is implausible.
     pub wild: f64,
-    /// or so many times less than that,
+    /// Ratio of the median rms of a kind of sensors to a sensor's rms (no unit), above 1,
+    /// from which the sensor is implausible.
     pub dull: f64,
-    /// for so many windows in a row.
+    /// Number of consecutive windows with an implausible sensor that is a fault, at least 1.
     pub strange: u32,
-    /// The self-test's push, part of a leg's limit.
+    /// Amplitude of the self-test's sine, as a fraction of the force limit (no unit). Above
+    /// 0, at most 1.
     pub test_force: f64,
-    /// How long the self-test measures a leg, s.
+    /// Measuring time of the self-test for each leg, s.
     pub test_time: f64,
-    /// The pilot's push with the loop closed, N; 0 to leave it out. If not given, so
-    /// much that its answer stands far above the sensors' noise.
+    /// Amplitude of the pilot sine with the loop closed, N. 0 disables the pilot. Default:
+    /// its response is 150 times the sensor noise.
     pub pilot: Option<f64>,
-    /// How long the pilot measures a leg, s.
+    /// Measuring time of the pilot for each leg, s.
     pub pilot_time: f64,
-    /// How far an answer may be off, part of what it should be.
+    /// Largest accepted deviation from the expected response in self-test and pilot, as a
+    /// fraction of it (no unit). Above 0.
     pub test_tolerance: f64,
 }
 
@@ -475,19 +675,19 @@ impl Default for Supervision {
     }
 }
 
-/// `[simulation]`
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize)]
+/// `[simulation]`: the standard simulation.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Simulation {
-    /// Measured time, s.
+    /// Duration of the measured part, s. Above 0.
     pub duration: f64,
-    /// Time before it, s.
+    /// Duration of the simulated time before the measured part, s. Not negative.
     pub settling: f64,
-    /// Floor acceleration, rms of each input, m/s².
+    /// Floor acceleration of each floor input, rms, m/s². Not negative.
     pub floor_rms: f64,
-    /// Its band, Hz.
+    /// Frequency band `[low, high]` of the floor acceleration, Hz.
     pub floor_band: [f64; 2],
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
@@ -503,26 +703,28 @@ impl Default for Simulation {
     }
 }
 
-/// `[robustness]`
-#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+/// `[robustness]`: the Monte Carlo run of `robust`. All numbers are drawn from uniform
+/// distributions.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Robustness {
-    /// Bodies whose mass and centre of gravity vary; those without a leg if
-    /// not given.
+pub struct RobustnessEntry {
+    /// Names of the bodies whose mass, inertia and centre of gravity vary. Default: all
+    /// bodies without an actuated leg.
     pub payload: Option<Vec<String>>,
-    /// Part of the payload's mass and inertia, either way.
+    /// Largest relative change of the payload's mass and inertia (no unit), at least 0 and
+    /// below 1.
     pub mass: f64,
-    /// Shift of its centre of gravity along each axis, either way, m.
+    /// Largest shift of the payload's centre of gravity along each axis, m. Not negative.
     pub cog: f64,
-    /// Part of each leg's stiffness, either way.
+    /// Largest relative change of each leg's stiffness (no unit), at least 0 and below 1.
     pub leg_stiffness: f64,
-    /// How many machines to draw.
+    /// Number of machines to draw, at least 1.
     pub samples: usize,
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
-impl Default for Robustness {
+impl Default for RobustnessEntry {
     fn default() -> Self {
         Self {
             payload: None,
@@ -535,27 +737,27 @@ impl Default for Robustness {
     }
 }
 
-/// `[[provenance]]`
-#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+/// `[[provenance]]`: the source of some numbers.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
-    /// Keys of this file, such as `"nodes.n3"` or `"bodies.lens.cog"`; a key
-    /// covers all below it.
+    /// Keys of this file, such as `"nodes.n3"` or `"bodies.lens.cog"`. A key includes all
+    /// keys below it.
     pub entries: Vec<String>,
-    /// How sure the numbers are.
+    /// How certain the numbers are: `"published"`, `"reconstructed"` or `"assumed"`.
     pub kind: Certainty,
-    /// From what.
+    /// The source, in words.
     pub from: String,
 }
 
-/// How sure a number is.
+/// How certain a number is.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Certainty {
-    /// A source states it.
+    /// A source states the number.
     Published,
-    /// Follows from what a source states.
+    /// The number follows from what a source states.
     Reconstructed,
-    /// Chosen.
+    /// The number is a choice or an estimate.
     Assumed,
 }

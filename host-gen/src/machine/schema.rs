@@ -1,98 +1,166 @@
 //! The JSON Schema of machine files, for editors that complete and check them.
 //!
-//! It comes from [`super::file`], so it cannot say other keys than the file has.
+//! It comes from [`super::file`], so it has the same keys and texts.
 
-use schemars::schema_for;
-use serde_json::{Map, Value, json};
+use schemars::Schema;
+use schemars::generate::SchemaSettings;
+use schemars::transform::{RecursiveTransform, RestrictFormats, Transform as _};
+use serde_json::{Value, json};
 
-use super::file::File;
+use super::file::MachineFile;
 
-/// Of a file that is based on another no key is required; of one that is not, all
-/// that have no default.
+/// The JSON Schema of machine files, as text.
+///
+/// A file that is based on another may leave out any key. Any other file must have every
+/// key that has no default.
 pub fn schema() -> String {
-    let mut whole = schema_for!(File).to_value();
-    let based_on = json!({
-        "type": "string",
-        "description": "Another machine file, its path from this one; this file then holds only what differs.",
+    let mut whole = file_schema("/$defs/whole/$defs");
+    let definitions = whole.pointer_mut("/$defs/whole/$defs").map(Value::take);
+    whole.insert("$defs".to_owned(), definitions.into());
+    whole.remove("$schema");
+
+    let mut part = file_schema("/$defs");
+    let mut optional = RecursiveTransform(|schema: &mut Schema| {
+        schema.remove("required");
     });
-    walk(&mut whole, &|table| {
-        drop_null(table);
-        qualify(table);
-    });
-    if let Some(properties) = whole.get_mut("properties").and_then(Value::as_object_mut) {
-        properties.insert("based_on".to_owned(), based_on);
-    }
-    let mut part = whole.clone();
-    walk(&mut part, &|table| {
-        if matches!(table.get("required"), Some(Value::Array(_))) {
-            table.remove("required");
-        }
-    });
-    // The definitions of both, those of the whole under names of their own.
-    let mut definitions = Map::new();
-    for (prefix, schema) in [("", &mut part), ("whole-", &mut whole)] {
-        let Some(table) = schema.as_object_mut() else {
-            continue;
-        };
-        if let Some(Value::Object(own)) = table.remove("$defs") {
-            for (name, mut definition) in own {
-                walk(&mut definition, &|table| refer(table, prefix));
-                definitions.insert(format!("{prefix}{name}"), definition);
-            }
-        }
-        walk(schema, &|table| refer(table, prefix));
-    }
-    if let Some(table) = whole.as_object_mut() {
-        table.remove("$schema");
-    }
-    definitions.insert("whole".to_owned(), whole);
-    if let Some(table) = part.as_object_mut() {
-        table.insert("title".to_owned(), json!("hardmount machine file"));
-        table.insert("if".to_owned(), json!({ "required": ["based_on"] }));
-        table.insert("else".to_owned(), json!({ "$ref": "#/$defs/whole" }));
-        table.insert("$defs".to_owned(), Value::Object(definitions));
+    optional.transform(&mut part);
+    part.insert("title".to_owned(), json!("hardmount machine file"));
+    part.insert("if".to_owned(), json!({ "required": ["based_on"] }));
+    part.insert("else".to_owned(), json!({ "$ref": "#/$defs/whole" }));
+    if let Some(Value::Object(definitions)) = part.get_mut("$defs") {
+        definitions.insert("whole".to_owned(), whole.into());
     }
     serde_json::to_string_pretty(&part).expect("numbers and strings serialise") + "\n"
 }
 
-/// Does `change` to every table, the outer before the inner.
-fn walk(value: &mut Value, change: &dyn Fn(&mut Map<String, Value>)) {
-    match value {
-        Value::Object(table) => {
-            change(table);
-            table.values_mut().for_each(|value| walk(value, change));
-        }
-        Value::Array(list) => list.iter_mut().for_each(|value| walk(value, change)),
-        _ => {}
+/// The schema of a file, with its definitions at a path.
+fn file_schema(definitions: &'static str) -> Schema {
+    let settings = SchemaSettings::draft2020_12()
+        .with(|settings| settings.definitions_path = definitions.into())
+        // Editors do not know Rust's number formats.
+        .with_transform(RestrictFormats::default())
+        .with_transform(RecursiveTransform(without_null));
+    let mut schema = settings
+        .into_generator()
+        .into_root_schema_for::<MachineFile>();
+    if let Some(Value::Object(properties)) = schema.get_mut("properties") {
+        let based_on = json!({
+            "type": "string",
+            "description": "Path of another machine file, relative to this one. This file then has only the keys that differ.",
+        });
+        properties.insert("based_on".to_owned(), based_on);
     }
+    schema
 }
 
-/// TOML has no null: a key that may be left out is left out.
-fn drop_null(table: &mut Map<String, Value>) {
-    if let Some(Value::Array(types)) = table.get_mut("type") {
+/// TOML has no null: an optional key is left out.
+fn without_null(schema: &mut Schema) {
+    if let Some(Value::Array(types)) = schema.get_mut("type") {
         types.retain(|kind| kind != "null");
-        if let [one] = &types[..] {
-            let one = one.clone();
-            table.insert("type".to_owned(), one);
+        if let [one] = &mut types[..] {
+            let one = one.take();
+            schema.insert("type".to_owned(), one);
         }
     }
-    if let Some(Value::Array(choices)) = table.get_mut("anyOf") {
+    if let Some(Value::Array(choices)) = schema.get_mut("anyOf") {
         choices.retain(|choice| choice != &json!({ "type": "null" }));
     }
-    table.retain(|key, value| key != "default" || !value.is_null());
+    if schema.get("default").is_some_and(Value::is_null) {
+        schema.remove("default");
+    }
 }
 
-/// Rust's names of number formats say nothing to editors.
-fn qualify(table: &mut Map<String, Value>) {
-    let of_rust = |format: &Value| {
-        let format = format.as_str().unwrap_or_default();
-        ["double", "uint", "uint16", "uint32", "uint64"].contains(&format)
-    };
-    table.retain(|key, value| key != "format" || !of_rust(value));
+/// What the schema says about a key: the first sentence of its description. The path to
+/// the key is by names, and None for an element of an array.
+pub(super) fn summary<'a>(path: impl Iterator<Item = Option<&'a str>>) -> Option<String> {
+    let schema = file_schema("/$defs").to_value();
+    let mut here = &schema;
+    let mut description = None;
+    for step in path {
+        // An optional table is a choice of one.
+        if let Some(choice) = here.pointer("/anyOf/0") {
+            here = choice;
+        }
+        if let Some(reference) = here.get("$ref").and_then(Value::as_str) {
+            here = schema.pointer(reference.trim_start_matches('#'))?;
+        }
+        here = match step {
+            Some(key) => {
+                let own = here.get("properties").and_then(|keys| keys.get(key));
+                own.or_else(|| here.get("additionalProperties"))?
+            }
+            None => here.get("items")?,
+        };
+        // What has none is an element of what was described before.
+        description = here.get("description").or(description);
+    }
+    let text = description?.as_str()?.replace('\n', " ");
+    let end = text.find(". ").unwrap_or(text.len());
+    Some(text[..end].trim_end_matches('.').to_owned())
 }
 
-fn refer(table: &mut Map<String, Value>, prefix: &str) {
-    if let Some(Value::String(target)) = table.get_mut("$ref") {
-        *target = target.replacen("#/$defs/", &format!("#/$defs/{prefix}"), 1);
+/// The unit of a number, the end of its [`summary`]; none if it has no unit.
+pub(super) fn unit(summary: &str) -> Option<&str> {
+    let (_, unit) = summary.rsplit_once(", ")?;
+    (!summary.contains("(no unit)")).then_some(unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every number in the schema states its unit, or that it has none: hover texts and
+    /// messages depend on it.
+    #[test]
+    fn every_number_states_its_unit() {
+        const UNITS: [&str; 20] = [
+            "m",
+            "m²",
+            "m⁴",
+            "kg",
+            "kg m²",
+            "s",
+            "Hz",
+            "N",
+            "N m",
+            "N/m",
+            "N s/m",
+            "Pa",
+            "V",
+            "N/V",
+            "V/(m/s²) or V/N",
+            "m/s²",
+            "m/s²/√Hz or N/√Hz",
+            "1/s and s",
+            "Hz",
+            "V",
+        ];
+        let mut schema = file_schema("/$defs");
+        let mut numbers = 0;
+        let mut check = RecursiveTransform(|schema: &mut Schema| {
+            let Some(Value::Object(properties)) = schema.get("properties") else {
+                return;
+            };
+            for (key, property) in properties {
+                let holds = |value: &Value| value.get("type") == Some(&json!("number"));
+                let mut inner = property;
+                while let Some(next) = inner.get("items").or(inner.get("additionalProperties")) {
+                    inner = next;
+                }
+                if !holds(inner) {
+                    continue;
+                }
+                numbers += 1;
+                let text = property["description"].as_str().unwrap().replace('\n', " ");
+                let text = text.split(". ").next().unwrap().trim_end_matches('.');
+                let unit = unit(text);
+                assert!(
+                    text.contains("(no unit)") || unit.is_some_and(|unit| UNITS.contains(&unit)),
+                    "{key}: {text}"
+                );
+            }
+        });
+        check.transform(&mut schema);
+        assert!(numbers > 50, "{numbers}");
     }
 }

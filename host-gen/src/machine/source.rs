@@ -1,14 +1,16 @@
 //! The text of a machine: a file, and the files it is based on.
 
+use std::borrow::Cow;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use toml::de::{DeTable, DeValue};
-use toml::{Table, Value};
+use toml::{Spanned, Table, Value};
 
-use super::error::{Fault, MachineError};
+use super::error::{EntryError, MachineError};
 
-/// A file may be based on one that is based on one, and so on, this often.
+/// The longest chain of files that are each based on the next.
 const DEPTH: usize = 8;
 
 /// One file's text.
@@ -16,41 +18,54 @@ const DEPTH: usize = 8;
 struct Part {
     file: PathBuf,
     text: String,
+    /// How many statements of provenance it has.
+    statements: usize,
 }
 
-/// A machine's files, the one asked for first, then what it is based on.
-#[derive(Clone, Debug)]
+/// A machine's files: the one asked for first, then what it is based on. None for a
+/// machine that was built in code.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Source {
     parts: Vec<Part>,
+}
+
+/// A machine is the same machine wherever it was read from, so that machines can be
+/// compared field by field.
+impl PartialEq for Source {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 impl Source {
     /// Reads `path` and what it is based on; gives the keys of all, those of a
     /// file over those of its base.
     pub fn read(path: &Path) -> Result<(Self, Table), MachineError> {
-        let text =
-            fs::read_to_string(path).map_err(|error| MachineError::unreadable(path, &error))?;
+        let text = fs::read_to_string(path).map_err(|error| {
+            let message = format!("cannot be read: {error}");
+            MachineError::in_file(path, EntryError::new("", message))
+        })?;
         Self::parse(path, &text)
     }
 
     /// The same for a text; `path` says where its base is looked for.
     pub fn parse(path: &Path, text: &str) -> Result<(Self, Table), MachineError> {
-        let mut source = Self { parts: Vec::new() };
+        let mut source = Self::default();
         let mut merged = source.add(path, text)?;
         while let Some(base) = merged.remove("based_on") {
             let Value::String(base) = base else {
-                let fault = Fault::new("based_on", "is the path of a machine file");
-                return Err(source.locate(fault));
+                let error = EntryError::new("based_on", "must be the path of a machine file");
+                return Err(source.locate(error));
             };
             if source.parts.len() >= DEPTH {
-                let problem = format!("more than {DEPTH} files, each based on the next");
-                return Err(source.locate(Fault::new("based_on", problem)));
+                let message = format!("more than {DEPTH} files, each based on the next");
+                return Err(source.locate(EntryError::new("based_on", message)));
             }
             let folder = source.parts.last().and_then(|part| part.file.parent());
             let file = folder.unwrap_or(Path::new("")).join(base);
             let text = fs::read_to_string(&file).map_err(|error| {
-                let problem = format!("{} cannot be read: {error}", file.display());
-                source.locate(Fault::new("based_on", problem))
+                let message = format!("{} cannot be read: {error}", file.display());
+                source.locate(EntryError::new("based_on", message))
             })?;
             let mut below = source.add(&file, &text)?;
             merge(&mut below, merged);
@@ -66,36 +81,57 @@ impl Source {
     }
 
     fn add(&mut self, path: &Path, text: &str) -> Result<Table, MachineError> {
-        let table = text
-            .parse()
-            .map_err(|error| MachineError::syntax(path, text, &error))?;
+        let table: Table = text.parse().map_err(|error: toml::de::Error| {
+            let message = error.message().trim().replace('\n', "; ");
+            let message = EntryError::new("", message);
+            match error.span() {
+                Some(span) => MachineError::at(path, text, span, message),
+                None => MachineError::in_file(path, message),
+            }
+        })?;
+        let statements = table.get(PROVENANCE).and_then(Value::as_array);
         self.parts.push(Part {
             file: path.to_owned(),
             text: text.to_owned(),
+            statements: statements.map_or(0, Vec::len),
         });
         Ok(table)
     }
 
-    /// `fault` with the file, line and column of its entry: in the first file
-    /// that has the whole key, else in the one that has most of it.
-    pub fn locate(&self, fault: Fault) -> MachineError {
-        let mut best: Option<(usize, &Part, usize)> = None;
-        for part in &self.parts {
-            if let Some((depth, offset)) = position(&part.text, &fault.entry)
-                && best.is_none_or(|(deepest, ..)| depth > deepest)
+    /// `error` with the file and the bytes of its entry: in the first file that has the
+    /// whole key, else in the one that has most of it.
+    pub fn locate(&self, error: EntryError) -> MachineError {
+        let mut best: Option<(usize, &Part, Range<usize>)> = None;
+        for (i, part) in self.parts.iter().enumerate() {
+            if let Some(entry) = self.within(i, &error.entry)
+                && let Some((length, span)) = find(&part.text, &entry)
+                && best.as_ref().is_none_or(|(longest, ..)| length > *longest)
             {
-                best = Some((depth, part, offset));
+                best = Some((length, part, span));
             }
         }
-        match best {
-            Some((_, part, offset)) => {
-                let place = line_and_column(&part.text, offset);
-                MachineError::new(&part.file, Some(place), fault)
-            }
-            None => MachineError::new(&self.parts[0].file, None, fault),
+        match (best, self.parts.first()) {
+            (Some((_, part, span)), _) => MachineError::at(&part.file, &part.text, span, error),
+            (None, Some(part)) => MachineError::in_file(&part.file, error),
+            (None, None) => MachineError::in_code(error),
         }
     }
+
+    /// `entry` as it is called within part `i`; none if it is in another part. Statements
+    /// of provenance are counted through all files, those of the last base first.
+    fn within<'a>(&self, i: usize, entry: &'a str) -> Option<Cow<'a, str>> {
+        let Some((index, rest)) = entry.strip_prefix(PROVENANCE).and_then(index) else {
+            return Some(entry.into());
+        };
+        let before: usize = self.parts[i + 1..].iter().map(|p| p.statements).sum();
+        let own = index
+            .checked_sub(before)
+            .filter(|&own| own < self.parts[i].statements)?;
+        Some(format!("{PROVENANCE}[{own}]{rest}").into())
+    }
 }
+
+const PROVENANCE: &str = "provenance";
 
 /// Lays `over` over `below`: tables key by key, statements of provenance one
 /// after the other, all else in place of what was there.
@@ -103,7 +139,7 @@ fn merge(below: &mut Table, over: Table) {
     for (key, value) in over {
         match (below.get_mut(&key), value) {
             (Some(Value::Table(inner)), Value::Table(value)) => merge(inner, value),
-            (Some(Value::Array(list)), Value::Array(more)) if key == "provenance" => {
+            (Some(Value::Array(list)), Value::Array(more)) if key == PROVENANCE => {
                 list.extend(more);
             }
             (_, value) => {
@@ -113,35 +149,60 @@ fn merge(below: &mut Table, over: Table) {
     }
 }
 
-/// Line and column, from 1, of a byte in a text.
-pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
-    let before = text.get(..offset).unwrap_or(text);
-    let line = before.matches('\n').count() + 1;
-    let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
-    (line, column)
-}
-
-/// How many parts of the key `entry` a text has, and where the last of them
-/// stands.
-fn position(text: &str, entry: &str) -> Option<(usize, usize)> {
+/// How many bytes of the key `entry` name something in a text, and where that is.
+fn find(text: &str, entry: &str) -> Option<(usize, Range<usize>)> {
     let document = DeTable::parse(text).ok()?;
     let mut table = document.get_ref();
+    let mut rest = entry;
     let mut found = None;
-    for (depth, part) in entry.split('.').enumerate() {
-        let Some((key, value)) = table.get_key_value(part) else {
-            break;
+    loop {
+        // Names may have dots in them: the longest that fits.
+        let fits = |(key, value)| Some((key, value, below(rest, key)?));
+        let keys = table.iter().filter_map(fits);
+        let Some((key, mut value, after)) = keys.max_by_key(|(key, ..)| key.get_ref().len()) else {
+            return found;
         };
-        found = Some((depth, key.span().start));
-        match value.get_ref() {
-            DeValue::Table(next) => table = next,
-            _ => break,
+        rest = after;
+        let mut span = with_value(text, key.span(), value);
+        while let Some((i, after)) = index(rest)
+            && let Some(element) = value.get_ref().as_array().and_then(|list| list.get(i))
+        {
+            (value, rest, span) = (element, after, element.span());
         }
+        rest = rest.strip_prefix('.').unwrap_or(rest);
+        found = Some((entry.len() - rest.len(), span));
+        let DeValue::Table(next) = value.get_ref() else {
+            return found;
+        };
+        table = next;
     }
-    found
+}
+
+/// What is left of `entry` below `key`, if it begins with it.
+fn below<'a>(entry: &'a str, key: &Spanned<Cow<'_, str>>) -> Option<&'a str> {
+    let rest = entry.strip_prefix(&**key.get_ref())?;
+    (rest.is_empty() || rest.starts_with(['.', '['])).then_some(rest)
+}
+
+/// `[3].from` as 3 and `.from`.
+fn index(entry: &str) -> Option<(usize, &str)> {
+    let (index, rest) = entry.strip_prefix('[')?.split_once(']')?;
+    Some((index.parse().ok()?, rest))
+}
+
+/// A key with its value, or the key alone where the value is a table or has many lines.
+fn with_value(text: &str, key: Range<usize>, value: &Spanned<DeValue<'_>>) -> Range<usize> {
+    let whole = key.start..value.span().end.max(key.end);
+    let short = text.get(whole.clone()).is_some_and(|t| !t.contains('\n'));
+    if short && !value.get_ref().is_table() {
+        whole
+    } else {
+        key
+    }
 }
 
 /// Whether a table has the key `entry`.
-pub(crate) fn has(table: &Table, entry: &str) -> bool {
+pub(super) fn has(table: &Table, entry: &str) -> bool {
     let mut table = Some(table);
     entry.split('.').all(|part| {
         let value = table.and_then(|t| t.get(part));

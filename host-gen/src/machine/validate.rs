@@ -1,35 +1,63 @@
-//! From a file to a machine: every name resolved, every number checked.
+//! From the file's types to a machine: every name resolved, every number checked.
+
+use core::fmt::Display;
 
 use indexmap::IndexMap;
 use nalgebra::{Matrix3, RowVector3, Vector3};
+use sha2::{Digest, Sha256};
 use shared::LEGS;
 use shared::codes::{Adc, Dac};
 use shared::table::ModelDigest;
 
-use super::error::Fault;
-use super::file;
-use super::file::{Feedback, LawName};
-use super::source::{Source, has};
-use super::{
-    Beam, Board, Body, Carrier, Damping, Deformation, Direction, Machine, Node, Performance,
+use super::checked::{
+    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, Machine, Node, Performance,
     Robustness, Sensor, Stiffness, Target,
 };
+use super::error::{EntryError, MachineError};
+use super::file::{
+    BoardEntry, BodyEntry, ControlEntry, DampingEntry, DirectionEntry, Feedback, ForceSensorEntry,
+    Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, SensorEntry, ShapeEntry, Simulation,
+    Supervision,
+};
+use super::source::{Source, has};
 
-type Checked<T> = Result<T, Fault>;
+type Checked<T> = Result<T, EntryError>;
 
 /// How far from length 1 a direction may be: five typed digits.
 const UNIT_SLACK: f64 = 1e-5;
 
-pub(super) fn machine(
-    file: file::File,
-    table: &toml::Table,
-    source: &Source,
-    digest: ModelDigest,
-) -> Checked<Machine> {
+/// Checks a file; errors have their place in `source`.
+pub(super) fn machine(file: MachineFile, source: Source) -> Result<Machine, MachineError> {
+    match check(file) {
+        Ok(machine) => Ok(Machine { source, ..machine }),
+        Err(error) => Err(source.locate(error)),
+    }
+}
+
+/// Serialised, the description has neither comments nor layout, and numbers in their
+/// shortest form.
+fn digest(file: &MachineFile) -> ModelDigest {
+    let robustness = (file.control.law == LawName::Modal).then(|| RobustnessEntry {
+        samples: file.robustness.samples.min(DESIGN_SAMPLES),
+        ..file.robustness.clone()
+    });
+    let floor_band = match file.control.minimise {
+        Minimise::Rms => Some(file.simulation.floor_band),
+        Minimise::Peaks => None,
+    };
+    let canonical = serde_json::to_vec(&(file, robustness, floor_band));
+    let canonical = canonical.expect("numbers and strings serialise");
+    ModelDigest(Sha256::digest(canonical).into())
+}
+
+fn check(file: MachineFile) -> Checked<Machine> {
     if file.format != 1 {
-        return Err(Fault::new(
+        return Err(EntryError::new(
             "format",
-            format!("layout {} is unknown; this program reads 1", file.format),
+            format!(
+                "format {} is unknown; this program reads format 1",
+                file.format
+            ),
         ));
     }
     check_name(&file.name)?;
@@ -43,10 +71,10 @@ pub(super) fn machine(
         names.deformations("coordinates.deformations", &file.coordinates.deformations)?;
     let degrees = 6 * bodies.len();
     if coordinates.len() != degrees {
-        return Err(Fault::new(
+        return Err(EntryError::new(
             "coordinates.deformations",
             format!(
-                "{} deformations are given; {} bodies have {degrees} degrees of freedom",
+                "{} deformations are given; {} bodies need {degrees}, six each",
                 coordinates.len(),
                 bodies.len()
             ),
@@ -62,9 +90,9 @@ pub(super) fn machine(
     let actuators = six("actuators.beams", actuators)?;
     for (i, beam) in actuators.iter().enumerate() {
         if actuators[..i].contains(beam) {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 "actuators.beams",
-                format!("\"{}\" is named twice", names.beams[*beam].name),
+                format!("\"{}\" is listed twice", names.beams[*beam].name),
             ));
         }
     }
@@ -84,13 +112,11 @@ pub(super) fn machine(
     for input in &floor {
         let node = &names.nodes[input.node];
         if node.carrier != Carrier::Base {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 format!("floor.inputs.{}.node", input.name),
-                format!(
-                    "node \"{}\" does not move with the base; name one of base.nodes",
-                    node.name
-                ),
-            ));
+                format!("node \"{}\" does not move with the base", node.name),
+            )
+            .fix("use one of base.nodes"));
         }
     }
 
@@ -106,19 +132,19 @@ pub(super) fn machine(
             .map(Performance::Acceleration),
     );
     if performance.is_empty() {
-        return Err(Fault::new(
-            "performance",
-            "nothing is judged; give deformations or accelerations",
-        ));
+        return Err(
+            EntryError::new("performance", "there is no performance output")
+                .fix("give deformations or accelerations"),
+        );
     }
     let mut bands = Vec::new();
     for (name, &[low, high]) in &file.performance.bands {
         let entry = format!("performance.bands.{name}");
-        positive(&entry, low)?;
+        positive(&entry, low, "Hz")?;
         if !(high.is_finite() && high > low) {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 entry,
-                "a band is [low, high] in Hz with low < high",
+                "must be [low, high], in Hz, with low < high",
             ));
         }
         bands.push((name.clone(), low, high));
@@ -127,40 +153,41 @@ pub(super) fn machine(
     let target = target(&file.control)?;
     match (target.feedback, &accelerometers, &force_sensors) {
         (Feedback::Acceleration | Feedback::Both, None, _) => {
-            return Err(Fault::new(
-                "sensors",
-                "acceleration is fed back, and there are no accelerometers; add six under sensors.acceleration",
-            ));
+            return Err(
+                EntryError::new("sensors", "acceleration feedback needs accelerometers")
+                    .fix("add six under sensors.acceleration"),
+            );
         }
         (Feedback::Force | Feedback::Both, _, None) => {
-            return Err(Fault::new(
-                "sensors",
-                "force is fed back, and there are no force sensors; add one per leg under sensors.force",
-            ));
+            return Err(
+                EntryError::new("sensors", "force feedback needs force sensors")
+                    .fix("add one for each leg under sensors.force"),
+            );
         }
         _ => {}
     }
     let board = board(&file.board, target.feedback)?;
+    let shapes = shapes(&file.control, board.sample_rate)?;
     supervision(&file.supervision, board.sample_rate)?;
     simulation(&file.simulation, board.sample_rate)?;
     let robustness = robustness(&file.robustness, &bodies, &names, &actuators)?;
 
-    for (i, provenance) in file.provenance.iter().enumerate() {
-        for entry in &provenance.entries {
-            if !has(table, entry) {
-                return Err(Fault::new(
-                    "provenance",
-                    format!(
-                        "statement {} is about \"{entry}\", which the file does not have",
-                        i + 1
-                    ),
+    if !file.provenance.is_empty() {
+        // Numbers were checked, so this does not fail.
+        let table = file.to_table();
+        let table = table.map_err(|error| EntryError::new("", error.to_string()))?;
+        for (i, provenance) in file.provenance.iter().enumerate() {
+            if let Some(entry) = provenance.entries.iter().find(|entry| !has(&table, entry)) {
+                return Err(EntryError::new(
+                    format!("provenance[{i}].entries"),
+                    format!("there is no entry \"{entry}\""),
                 ));
             }
         }
     }
 
     Ok(Machine {
-        name: file.name,
+        name: file.name.clone(),
         nodes: names.nodes,
         bodies,
         beams: names.beams,
@@ -171,17 +198,18 @@ pub(super) fn machine(
         floor,
         performance,
         bands,
-        gravity: finite3("gravity", &file.gravity)?,
+        gravity: finite3("gravity", &file.gravity, ", in m/s²")?,
         damping,
         target,
+        shapes,
         board,
         supervision: file.supervision,
         simulation: file.simulation,
         robustness,
-        provenance: file.provenance,
-        digest,
-        description: table.clone(),
-        source: source.clone(),
+        provenance: file.provenance.clone(),
+        digest: digest(&file),
+        description: file,
+        source: Source::default(),
     })
 }
 
@@ -192,81 +220,109 @@ fn check_name(name: &str) -> Checked<()> {
         || !name.chars().all(plain)
         || !name.starts_with(|c: char| c.is_ascii_lowercase())
     {
-        return Err(Fault::new(
-            "name",
-            format!("\"{name}\" must be lower-case letters, digits and hyphens, a letter first"),
-        ));
+        return Err(
+            EntryError::new("name", format!("\"{name}\" is not a valid name"))
+                .fix("use lower-case letters, digits and hyphens, a letter first"),
+        );
     }
     Ok(())
 }
 
-fn finite3(entry: &str, value: &[f64; 3]) -> Checked<Vector3<f64>> {
+/// The last part of an entry.
+fn key(entry: &str) -> &str {
+    entry.rsplit_once('.').map_or(entry, |(_, key)| key)
+}
+
+fn finite3(entry: &str, value: &[f64; 3], unit: &str) -> Checked<Vector3<f64>> {
     if value.iter().all(|x| x.is_finite()) {
         Ok(Vector3::from(*value))
     } else {
-        Err(Fault::new(entry, "must be three finite numbers"))
+        let message = format!("must be three finite numbers{unit}");
+        Err(EntryError::new(entry, message))
     }
 }
 
-fn positive(entry: &str, value: f64) -> Checked<f64> {
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
+/// A finite number for which `right` holds; `must` says what it must be.
+fn number(entry: &str, value: f64, right: bool, must: impl Display) -> Checked<f64> {
+    let must = match value.is_finite() {
+        true if right => return Ok(value),
+        true => must.to_string(),
+        false => "be a finite number".to_owned(),
+    };
+    let message = format!("{} must {must}, not {value}", key(entry));
+    Err(EntryError::new(entry, message))
+}
+
+/// `" kg"` for kilograms; nothing where there is no unit.
+fn after_number(unit: &str) -> String {
+    if unit.is_empty() {
+        String::new()
     } else {
-        Err(Fault::new(
-            entry,
-            format!("{value} must be positive and finite"),
-        ))
+        format!(" {unit}")
     }
 }
 
-fn not_negative(entry: &str, value: f64) -> Checked<f64> {
-    if value.is_finite() && value >= 0.0 {
-        Ok(value)
-    } else {
-        Err(Fault::new(
-            entry,
-            format!("{value} must be finite and not negative"),
-        ))
-    }
+fn positive(entry: &str, value: f64, unit: &str) -> Checked<f64> {
+    let must = format!("be above 0{}", after_number(unit));
+    number(entry, value, value > 0.0, must)
+}
+
+fn not_negative(entry: &str, value: f64, unit: &str) -> Checked<f64> {
+    let must = format!("be at least 0{}", after_number(unit));
+    number(entry, value, value >= 0.0, must)
 }
 
 fn not_zero(entry: &str, value: f64) -> Checked<f64> {
-    if value.is_finite() && value != 0.0 {
-        Ok(value)
+    number(entry, value, value != 0.0, "differ from 0")
+}
+
+/// At least 0 and below 1.
+fn fraction(entry: &str, value: f64) -> Checked<f64> {
+    let right = (0.0..1.0).contains(&value);
+    number(entry, value, right, "be at least 0 and below 1")
+}
+
+/// At least 1 of something counted.
+fn at_least_one(entry: &str, count: usize) -> Checked<()> {
+    if count > 0 {
+        Ok(())
     } else {
-        Err(Fault::new(
-            entry,
-            format!("{value} must be finite and not zero"),
-        ))
+        let message = format!("{} must be at least 1", key(entry));
+        Err(EntryError::new(entry, message))
+    }
+}
+
+/// TOML's integers have a sign.
+fn seed(entry: &str, seed: u64) -> Checked<()> {
+    if i64::try_from(seed).is_ok() {
+        Ok(())
+    } else {
+        let message = format!("seed must be at most {}, not {seed}", i64::MAX);
+        Err(EntryError::new(entry, message))
     }
 }
 
 fn six<T>(entry: &str, all: Vec<T>) -> Checked<[T; LEGS]> {
     all.try_into().map_err(|all: Vec<T>| {
-        Fault::new(
-            entry,
-            format!("{} are given; the controller takes six", all.len()),
-        )
+        EntryError::new(entry, format!("{} are given; there must be six", all.len()))
     })
 }
 
 /// Resolves every node and what carries it.
-fn nodes(file: &file::File) -> Checked<Vec<Node>> {
+fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
     let mut carriers: Vec<Option<Carrier>> = vec![None; file.nodes.len()];
     let mut claim = |entry: &str, name: &str, carrier: Carrier| {
         let Some(index) = file.nodes.get_index_of(name) else {
-            return Err(Fault::new(
-                entry,
-                format!("node \"{name}\" does not exist; declare it under [nodes]"),
-            ));
+            return Err(
+                EntryError::new(entry, format!("node \"{name}\" does not exist"))
+                    .fix("add it under [nodes]"),
+            );
         };
         if carriers[index].is_some() {
-            return Err(Fault::new(
-                entry,
-                format!(
-                    "node \"{name}\" is carried twice; a node moves with one body or with the base"
-                ),
-            ));
+            return Err(
+                EntryError::new(entry, format!("node \"{name}\" is listed twice"))
+                    .fix("list it once: a node moves with one body or with the base"),
+            );
         }
         carriers[index] = Some(carrier);
         Ok(())
@@ -285,23 +341,21 @@ fn nodes(file: &file::File) -> Checked<Vec<Node>> {
         .map(|((name, at), carrier)| {
             let entry = format!("nodes.{name}");
             let carrier = carrier.ok_or_else(|| {
-                Fault::new(
-                    &entry,
-                    "moves with nothing; name it in the nodes of a body or of the base",
-                )
+                EntryError::new(&entry, "the node is not attached to anything")
+                    .fix("list it in the nodes of a body or of the base")
             })?;
             Ok(Node {
                 name: name.clone(),
-                at: finite3(&entry, at)?,
+                at: finite3(&entry, at, ", in m")?,
                 carrier,
             })
         })
         .collect()
 }
 
-fn bodies(specs: &IndexMap<String, file::Body>) -> Checked<Vec<Body>> {
+fn bodies(specs: &IndexMap<String, BodyEntry>) -> Checked<Vec<Body>> {
     if specs.is_empty() {
-        return Err(Fault::new("bodies", "a machine has at least one body"));
+        return Err(EntryError::new("bodies", "there must be at least one body"));
     }
     specs
         .iter()
@@ -309,40 +363,38 @@ fn bodies(specs: &IndexMap<String, file::Body>) -> Checked<Vec<Body>> {
             let entry = format!("bodies.{name}");
             let inertia_entry = format!("{entry}.inertia");
             let inertia = match spec.inertia {
-                file::Inertia::Diagonal(moments) => Matrix3::from_diagonal(&Vector3::from(moments)),
-                file::Inertia::Tensor(rows) => {
+                Inertia::Diagonal(moments) => Matrix3::from_diagonal(&Vector3::from(moments)),
+                Inertia::Tensor(rows) => {
                     Matrix3::from_rows(&rows.map(|row| RowVector3::from_row_slice(&row)))
                 }
             };
             if inertia.iter().any(|x| !x.is_finite()) {
-                return Err(Fault::new(inertia_entry, "must be finite numbers"));
+                return Err(EntryError::new(inertia_entry, "must be finite numbers, in kg m²"));
             }
             // Typed numbers: symmetric to the last digit or not meant so.
             if inertia != inertia.transpose() {
-                return Err(Fault::new(inertia_entry, "the tensor is not symmetric"));
+                return Err(EntryError::new(inertia_entry, "the inertia tensor must be symmetric"));
             }
             let smallest = inertia.symmetric_eigenvalues().min();
             if smallest <= 1e-12 * inertia.amax() {
-                return Err(Fault::new(
+                return Err(EntryError::new(
                     inertia_entry,
                     format!(
-                        "singular mass: the smallest principal moment is {smallest:.3e} kg m²; a body's must all be positive"
+                        "the principal moments of inertia must be above 0 kg m²; the smallest is {smallest:.3e}"
                     ),
                 ));
             }
             Ok(Body {
                 name: name.clone(),
-                mass: positive(&format!("{entry}.mass"), spec.mass).map_err(|fault| {
-                    Fault::new(fault.entry, format!("singular mass: {}", fault.problem))
-                })?,
+                mass: positive(&format!("{entry}.mass"), spec.mass, "kg")?,
                 inertia,
-                cog: finite3(&format!("{entry}.cog"), &spec.cog)?,
+                cog: finite3(&format!("{entry}.cog"), &spec.cog, ", in m")?,
             })
         })
         .collect()
 }
 
-fn beams(file: &file::File, nodes: &[Node]) -> Checked<Vec<Beam>> {
+fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
     file.beams
         .iter()
         .map(|(name, spec)| {
@@ -353,28 +405,35 @@ fn beams(file: &file::File, nodes: &[Node]) -> Checked<Vec<Beam>> {
             }
             let along = nodes[ends[1]].at - nodes[ends[0]].at;
             let length = along.norm();
-            if length < 1e-9 {
-                return Err(Fault::new(
+            if !length.is_finite() {
+                return Err(EntryError::new(
                     format!("{entry}.nodes"),
-                    "the ends are at the same place; a beam has a length",
+                    "the two nodes are too far apart to compute the length of the beam",
+                ));
+            }
+            if length < 1e-9 {
+                return Err(EntryError::new(
+                    format!("{entry}.nodes"),
+                    "the two nodes are at the same position; a beam must have a length",
                 ));
             }
             let (source, profile) = match (&spec.profile, &spec.stiffness) {
                 (Some(profile), None) => {
                     let entry_of_use = format!("{entry}.profile");
                     let set = file.profiles.get(profile).ok_or_else(|| {
-                        Fault::new(
+                        EntryError::new(
                             entry_of_use,
-                            format!("profile \"{profile}\" does not exist; declare it under [profiles]"),
+                            format!("profile \"{profile}\" does not exist"),
                         )
+                        .fix("add it under [profiles]")
                     })?;
                     (format!("profiles.{profile}"), set)
                 }
                 (None, Some(own)) => (format!("{entry}.stiffness"), own),
                 _ => {
-                    return Err(Fault::new(
+                    return Err(EntryError::new(
                         entry,
-                        "give either profile, the name of a shared stiffness set, or stiffness, the beam's own",
+                        "a beam must have either profile, the name of a shared stiffness set, or its own stiffness",
                     ));
                 }
             };
@@ -382,8 +441,8 @@ fn beams(file: &file::File, nodes: &[Node]) -> Checked<Vec<Beam>> {
                 name: name.clone(),
                 ends,
                 stiffness: stiffness(&source, profile, length)?,
-                loss_factor: not_negative(&source, profile.loss_factor.unwrap_or(0.0))?,
-                damper: not_negative(&source, profile.damper.unwrap_or(0.0))?,
+                loss_factor: not_negative(&format!("{source}.loss_factor"), profile.loss_factor.unwrap_or(0.0), "")?,
+                damper: not_negative(&format!("{source}.damper"), profile.damper.unwrap_or(0.0), "N s/m")?,
                 axes: axes(&entry, along / length, spec.y_axis.as_ref())?,
                 length,
             })
@@ -392,7 +451,7 @@ fn beams(file: &file::File, nodes: &[Node]) -> Checked<Vec<Beam>> {
 }
 
 /// End stiffnesses as given, or from material and section over the length.
-fn stiffness(entry: &str, p: &file::Profile, length: f64) -> Checked<Stiffness> {
+fn stiffness(entry: &str, p: &ProfileEntry, length: f64) -> Checked<Stiffness> {
     let ends = (p.axial, p.bending, p.torsion);
     let section = (
         p.youngs_modulus,
@@ -411,48 +470,46 @@ fn stiffness(entry: &str, p: &file::Profile, length: f64) -> Checked<Stiffness> 
         }
         ((None, None, None), (Some(e), Some(g), Some(area), Some(second), Some(constant))) => {
             Stiffness {
-                axial: positive(&format!("{entry}.youngs_modulus"), e)? * area / length,
+                axial: positive(&format!("{entry}.youngs_modulus"), e, "Pa")? * area / length,
                 bending: second.map(|i| e * i / length),
-                torsion: positive(&format!("{entry}.shear_modulus"), g)? * constant / length,
+                torsion: positive(&format!("{entry}.shear_modulus"), g, "Pa")? * constant / length,
             }
         }
         _ => {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 entry,
-                "give all of axial, bending, torsion (EA/L, EI/L, GJ/L), or all of youngs_modulus, shear_modulus, area, second_moments, torsion_constant",
+                "a stiffness set must have either axial, bending and torsion, or youngs_modulus, shear_modulus, area, second_moments and torsion_constant",
             ));
         }
     };
     let [y, z] = stiffness.bending;
-    for (what, value) in [
-        ("axial stiffness EA/L", stiffness.axial),
-        ("bending stiffness EI/L", y),
-        ("bending stiffness EI/L", z),
-        ("torsional stiffness GJ/L", stiffness.torsion),
+    for (name, value, unit) in [
+        ("axial stiffness EA/L", stiffness.axial, "N/m"),
+        ("bending stiffness EI/L", y, "N m"),
+        ("bending stiffness EI/L", z, "N m"),
+        ("torsional stiffness GJ/L", stiffness.torsion, "N m"),
     ] {
         if !(value.is_finite() && value >= 0.0) {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 entry,
-                format!("{what} comes to {value}; it must be finite and not negative"),
+                format!("{name} must be finite and at least 0 {unit}, not {value}"),
             ));
         }
     }
     Ok(stiffness)
 }
 
-/// Local axes as rows. Without a wish, z is as near to the file's z as a
-/// beam along `x` allows, and y of an upright beam is the file's y.
-fn axes(entry: &str, x: Vector3<f64>, wish: Option<&[f64; 3]>) -> Checked<Matrix3<f64>> {
-    let y = match wish {
-        Some(wish) => {
+/// Local axes of a beam along `x`, as rows. If `given` does not say where y is, z is as near
+/// to the file's z as possible, and y of an upright beam is the file's y.
+fn axes(entry: &str, x: Vector3<f64>, given: Option<&[f64; 3]>) -> Checked<Matrix3<f64>> {
+    let y = match given {
+        Some(given) => {
             let entry = format!("{entry}.y_axis");
-            let wish = finite3(&entry, wish)?;
-            let across = wish - x * x.dot(&wish);
-            if across.norm() <= 1e-6 * wish.norm() {
-                return Err(Fault::new(
-                    entry,
-                    "lies along the beam; give a direction across it",
-                ));
+            let given = finite3(&entry, given, "")?;
+            let across = given - x * x.dot(&given);
+            if across.norm() <= 1e-6 * given.norm() {
+                return Err(EntryError::new(entry, "y_axis is parallel to the beam")
+                    .fix("give a direction across the beam"));
             }
             across.normalize()
         }
@@ -468,28 +525,23 @@ fn axes(entry: &str, x: Vector3<f64>, wish: Option<&[f64; 3]>) -> Checked<Matrix
     ]))
 }
 
-/// Half a per cent on every mode, unless the file says how else it is damped.
-fn damping(spec: &file::Damping, beams: &[Beam]) -> Checked<Damping> {
+/// A damping ratio of 0.005 for every mode, unless the file gives any other damping.
+fn damping(spec: &DampingEntry, beams: &[Beam]) -> Checked<Damping> {
     let elsewhere = spec.rayleigh.is_some()
         || beams
             .iter()
             .any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0);
     let modal = spec.modal.unwrap_or(if elsewhere { 0.0 } else { 0.005 });
-    if !(0.0..1.0).contains(&modal) {
-        return Err(Fault::new(
-            "damping.modal",
-            "relative damping is at least 0 and below 1",
-        ));
-    }
+    fraction("damping.modal", modal)?;
     let rayleigh = spec.rayleigh.unwrap_or_default();
-    for x in rayleigh {
-        not_negative("damping.rayleigh", x)?;
+    for (x, unit) in rayleigh.into_iter().zip(["1/s", "s"]) {
+        not_negative("damping.rayleigh", x, unit)?;
     }
     Ok(Damping { modal, rayleigh })
 }
 
 fn force_sensors(
-    specs: &IndexMap<String, file::ForceSensor>,
+    specs: &IndexMap<String, ForceSensorEntry>,
     names: &Names,
     actuators: &[usize; LEGS],
 ) -> Checked<Option<[usize; LEGS]>> {
@@ -501,18 +553,15 @@ fn force_sensors(
         let entry = format!("sensors.force.{name}.beam");
         let beam = names.beam(&entry, &spec.beam)?;
         if !actuators.contains(&beam) {
-            return Err(Fault::new(
-                entry,
-                format!(
-                    "\"{}\" has no actuator; a force sensor sits in an actuated leg",
-                    spec.beam
-                ),
-            ));
+            return Err(
+                EntryError::new(entry, format!("beam \"{}\" has no actuator", spec.beam))
+                    .fix("use one of actuators.beams"),
+            );
         }
         if beams.contains(&beam) {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 entry,
-                format!("\"{}\" already has a force sensor", spec.beam),
+                format!("beam \"{}\" has two force sensors", spec.beam),
             ));
         }
         beams.push(beam);
@@ -520,38 +569,96 @@ fn force_sensors(
     six("sensors.force", beams).map(Some)
 }
 
-fn target(control: &file::Control) -> Checked<Target> {
+fn target(control: &ControlEntry) -> Checked<Target> {
     let max_sensitivity = control.max_sensitivity;
-    if !(max_sensitivity.is_finite() && max_sensitivity > 1.0) {
-        return Err(Fault::new(
-            "control.max_sensitivity",
-            format!("{max_sensitivity} must be above 1: no loop has less"),
-        ));
-    }
+    // The peak sensitivity of a loop is never below 1.
+    number(
+        "control.max_sensitivity",
+        max_sensitivity,
+        max_sensitivity > 1.0,
+        "be above 1",
+    )?;
     if control.feedback == Feedback::Both && control.law == LawName::Direct {
-        return Err(Fault::new(
+        return Err(EntryError::new(
             "control.law",
-            "both kinds of sensors meet in the modes: with feedback = \"both\" the law is \"modal\"",
+            "feedback = \"both\" needs law = \"modal\"",
         ));
     }
     Ok(Target {
         feedback: control.feedback,
-        frequency: positive("control.frequency", control.frequency)?,
-        damping: not_negative("control.damping", control.damping)?,
+        frequency: positive("control.frequency", control.frequency, "Hz")?,
+        damping: not_negative("control.damping", control.damping, "")?,
         max_sensitivity,
         law: control.law,
         minimise: control.minimise,
     })
 }
 
-fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
+fn shapes(control: &ControlEntry, sample_rate: f64) -> Checked<Option<[ShapeEntry; LEGS]>> {
+    let Some(shapes) = &control.shapes else {
+        return Ok(None);
+    };
+    let place = "control.shapes";
+    if control.law == LawName::Direct {
+        return Err(EntryError::new(place, "shapes need law = \"modal\""));
+    }
+    let Ok(six) = <[ShapeEntry; LEGS]>::try_from(shapes.clone()) else {
+        let count = shapes.len();
+        return Err(
+            EntryError::new(place, format!("there must be {LEGS} shapes, not {count}"))
+                .fix("give one for each mode, slowest mode first, as host-gen design prints them"),
+        );
+    };
+    // A corner at half the sample rate or above has no section.
+    let corner = |key: &str, hz: f64| {
+        let limit = 0.5 * sample_rate;
+        number(
+            key,
+            hz,
+            hz > 0.0 && hz < limit,
+            format!("be above 0 and below half the sample rate, {limit} Hz"),
+        )
+    };
+    for (i, shape) in six.iter().enumerate() {
+        let key = |key: &str| format!("{place}[{i}].{key}");
+        for (j, hz) in shape.lags_hz.into_iter().enumerate() {
+            corner(&key(&format!("lags_hz[{j}]")), hz)?;
+        }
+        corner(&key("zero_hz"), shape.zero_hz)?;
+        for (name, pair) in [("notch", &shape.notch), ("notch_poles", &shape.notch_poles)] {
+            corner(&key(&format!("{name}.hz")), pair.hz)?;
+            positive(&key(&format!("{name}.damping")), pair.damping, "")?;
+        }
+        match (shape.split_hz, control.feedback) {
+            (Some(hz), Feedback::Both) => {
+                corner(&key("split_hz"), hz)?;
+            }
+            (None, Feedback::Acceleration | Feedback::Force) => {}
+            (None, Feedback::Both) => {
+                return Err(EntryError::new(
+                    format!("{place}[{i}]"),
+                    "missing key `split_hz`, which feedback = \"both\" needs",
+                ));
+            }
+            (Some(_), Feedback::Acceleration | Feedback::Force) => {
+                return Err(EntryError::new(
+                    key("split_hz"),
+                    "there is nothing to split: only feedback = \"both\" has two kinds of sensors",
+                ));
+            }
+        }
+    }
+    Ok(Some(six))
+}
+
+fn board(spec: &BoardEntry, feedback: Feedback) -> Checked<Board> {
     let accelerometer = board_sensor("board.accelerometer", spec.accelerometer.as_ref())?;
     let force_sensor = board_sensor("board.force_sensor", spec.force_sensor.as_ref())?;
     let there = |sensor: Option<Sensor>, name| {
         sensor.ok_or_else(|| {
-            Fault::new(
+            EntryError::new(
                 "board",
-                format!("[board.{name}] is missing; that sensor is fed back"),
+                format!("[board.{name}] is missing; these sensors are fed back"),
             )
         })
     };
@@ -563,27 +670,43 @@ fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
             Some(there(force_sensor, "force_sensor")?),
         ),
     };
-    let adc = Adc::new(spec.adc.bits, spec.adc.range)
-        .map_err(|error| Fault::new("board.adc", error.to_string()))?;
-    let dac = Dac::new(spec.dac.bits, spec.dac.range[0], spec.dac.range[1])
-        .map_err(|error| Fault::new("board.dac", error.to_string()))?;
+    for (key, bits) in [("adc", spec.adc.bits), ("dac", spec.dac.bits)] {
+        if !(8..=16).contains(&bits) {
+            return Err(EntryError::new(
+                format!("board.{key}.bits"),
+                format!("bits must be 8 to 16, not {bits}"),
+            ));
+        }
+    }
+    let adc = Adc::new(
+        spec.adc.bits,
+        positive("board.adc.range", spec.adc.range, "V")?,
+    )
+    .map_err(|error| EntryError::new("board.adc", error.to_string()))?;
+    let [low, high] = spec.dac.range;
+    let dac = Dac::new(spec.dac.bits, low, high).map_err(|_| {
+        let message = "range must be [low, high], in V, with low < high, both finite";
+        EntryError::new("board.dac.range", message)
+    })?;
     let gain = not_zero("board.actuator.gain", spec.actuator.gain)?;
-    let limit = positive("board.actuator.limit", spec.actuator.limit)?;
+    let limit = positive("board.actuator.limit", spec.actuator.limit, "N")?;
     let reach = dac.reach(gain);
     if limit > reach {
-        return Err(Fault::new(
+        return Err(EntryError::new(
             "board.actuator.limit",
-            format!("{limit} N is past what the DAC can ask for, {reach:.6} N; lower it to that"),
+            format!(
+                "limit must be at most {reach:.6} N, the force at the end of the DAC's range, not {limit}"
+            ),
         ));
     }
     let board = Board {
-        sample_rate: positive("board.sample_rate", spec.sample_rate)?,
-        latch_delay: not_negative("board.conversion_delay", spec.conversion_delay)?
-            + not_negative("board.output_delay", spec.output_delay)?,
+        sample_rate: positive("board.sample_rate", spec.sample_rate, "Hz")?,
+        latch_delay: not_negative("board.conversion_delay", spec.conversion_delay, "s")?
+            + not_negative("board.output_delay", spec.output_delay, "s")?,
         adc,
-        adc_noise: not_negative("board.adc.noise", spec.adc.noise)?,
+        adc_noise: not_negative("board.adc.noise", spec.adc.noise, "V")?,
         dac,
-        dac_noise: not_negative("board.dac.noise", spec.dac.noise)?,
+        dac_noise: not_negative("board.dac.noise", spec.dac.noise, "V")?,
         sensor,
         beside,
         accelerometer,
@@ -594,124 +717,92 @@ fn board(spec: &file::Board, feedback: Feedback) -> Checked<Board> {
     };
     // More would mean hundreds of controller states for no real board.
     if board.latch_delay > 8.0 * board.period() {
-        return Err(Fault::new(
+        return Err(EntryError::new(
             "board.output_delay",
-            "the output is latched more than eight periods after the sample; lower the sample rate",
-        ));
+            "conversion_delay + output_delay must be at most eight sample periods",
+        )
+        .fix("lower the sample rate or the delays"));
     }
     Ok(board)
 }
 
-fn board_sensor(entry: &str, spec: Option<&file::Sensor>) -> Checked<Option<Sensor>> {
+fn board_sensor(entry: &str, spec: Option<&SensorEntry>) -> Checked<Option<Sensor>> {
     let Some(spec) = spec else {
         return Ok(None);
     };
-    if !spec.offset.is_finite() {
-        return Err(Fault::new(format!("{entry}.offset"), "must be finite"));
-    }
     Ok(Some(Sensor {
         sensitivity: not_zero(&format!("{entry}.sensitivity"), spec.sensitivity)?,
-        noise_density: not_negative(&format!("{entry}.noise_density"), spec.noise_density)?,
-        offset: spec.offset,
+        noise_density: not_negative(&format!("{entry}.noise_density"), spec.noise_density, "")?,
+        offset: number(&format!("{entry}.offset"), spec.offset, true, "")?,
         bandwidth: bandwidth(&format!("{entry}.bandwidth"), spec.bandwidth)?,
     }))
 }
 
 fn bandwidth(entry: &str, hz: Option<f64>) -> Checked<Option<f64>> {
-    hz.map(|hz| positive(entry, hz)).transpose()
+    hz.map(|hz| positive(entry, hz, "Hz")).transpose()
 }
 
-fn supervision(s: &file::Supervision, sample_rate: f64) -> Checked<()> {
-    // What fits the table's counters, and a window's sums.
+fn supervision(s: &Supervision, sample_rate: f64) -> Checked<()> {
+    // What fits the table's counters, and the sums over a window.
     let longest = f64::from(1 << 20) / sample_rate;
-    for (key, time) in [
-        ("soft_start", s.soft_start),
-        ("settle", s.settle),
-        ("safe_ramp", s.safe_ramp),
-        ("rail", s.rail),
-        ("saturated", s.saturated.unwrap_or(s.settle)),
-    ] {
+    let time = |key: &str, time: f64, samples: u32| {
+        let right = time * sample_rate >= f64::from(samples) && time <= longest;
+        let least = match samples {
+            0 => "0 s".to_owned(),
+            samples => format!("{samples} sample periods"),
+        };
+        let must = format!("be at least {least} and at most {longest:.0} s");
+        number(&format!("supervision.{key}"), time, right, must)
+    };
+    time("soft_start", s.soft_start, 2)?;
+    time("settle", s.settle, 2)?;
+    time("safe_ramp", s.safe_ramp, 2)?;
+    time("rail", s.rail, 2)?;
+    if let Some(saturated) = s.saturated {
+        time("saturated", saturated, 2)?;
+    }
+    // After a window, each sample judges one sensor.
+    time("window", s.window, 16)?;
+    time("test_time", s.test_time, 16)?;
+    time("pilot_time", s.pilot_time, 16)?;
+    time("stuck", s.stuck.unwrap_or(0.0), 0)?;
+    time("silence", s.silence, 0)?;
+    for (key, ratio) in [("growth", s.growth), ("wild", s.wild), ("dull", s.dull)] {
         let entry = format!("supervision.{key}");
-        positive(&entry, time)?;
-        if time > longest || time * sample_rate < 2.0 {
-            return Err(Fault::new(
-                entry,
-                format!("{time} s is not between two samples and {longest:.0} s"),
-            ));
-        }
-    }
-    // What follows a window takes a sample a sensor.
-    for (key, time) in [
-        ("window", s.window),
-        ("test_time", s.test_time),
-        ("pilot_time", s.pilot_time),
-    ] {
-        positive(&format!("supervision.{key}"), time)?;
-        if time > longest || time * sample_rate < 16.0 {
-            return Err(Fault::new(
-                format!("supervision.{key}"),
-                format!("{time} s is not between sixteen samples and {longest:.0} s"),
-            ));
-        }
-    }
-    for (key, time) in [("stuck", s.stuck.unwrap_or(0.0)), ("silence", s.silence)] {
-        let entry = format!("supervision.{key}");
-        not_negative(&entry, time)?;
-        if time > longest {
-            return Err(Fault::new(
-                entry,
-                format!("{time} s is above {longest:.0} s"),
-            ));
-        }
-    }
-    for (key, factor) in [("growth", s.growth), ("wild", s.wild), ("dull", s.dull)] {
-        if !(factor.is_finite() && factor > 1.0) {
-            return Err(Fault::new(
-                format!("supervision.{key}"),
-                format!("{factor} must be above 1"),
-            ));
-        }
+        number(&entry, ratio, ratio > 1.0, "be above 1")?;
     }
     for (key, part) in [("level", s.level), ("test_force", s.test_force)] {
-        if !(part > 0.0 && part <= 1.0) {
-            return Err(Fault::new(
-                format!("supervision.{key}"),
-                "is a part of the legs' limit, above 0 and up to 1",
-            ));
-        }
+        let right = part > 0.0 && part <= 1.0;
+        let must = "be above 0 and at most 1, a fraction of the force limit";
+        number(&format!("supervision.{key}"), part, right, must)?;
     }
-    positive("supervision.test_tolerance", s.test_tolerance)?;
-    not_negative("supervision.pilot", s.pilot.unwrap_or(0.0))?;
-    for (key, count) in [
-        ("lost", s.lost),
-        ("grown", s.grown),
-        ("strange", s.strange),
-        ("spikes", s.spikes),
-    ] {
-        if count == 0 {
-            return Err(Fault::new(format!("supervision.{key}"), "is at least 1"));
-        }
-    }
-    Ok(())
+    positive("supervision.test_tolerance", s.test_tolerance, "")?;
+    not_negative("supervision.pilot", s.pilot.unwrap_or(0.0), "N")?;
+    at_least_one("supervision.lost", s.lost as usize)?;
+    at_least_one("supervision.grown", s.grown as usize)?;
+    at_least_one("supervision.strange", s.strange as usize)?;
+    at_least_one("supervision.spikes", s.spikes as usize)
 }
 
-fn simulation(s: &file::Simulation, sample_rate: f64) -> Checked<()> {
-    positive("simulation.duration", s.duration)?;
-    not_negative("simulation.settling", s.settling)?;
-    not_negative("simulation.floor_rms", s.floor_rms)?;
+fn simulation(s: &Simulation, sample_rate: f64) -> Checked<()> {
+    positive("simulation.duration", s.duration, "s")?;
+    not_negative("simulation.settling", s.settling, "s")?;
+    not_negative("simulation.floor_rms", s.floor_rms, "m/s²")?;
     let [low, high] = s.floor_band;
-    positive("simulation.floor_band", low)?;
-    if !(high > low && high < 0.45 * sample_rate) {
-        return Err(Fault::new(
+    let top = 0.45 * sample_rate;
+    if !(low > 0.0 && high > low && high < top) {
+        return Err(EntryError::new(
             "simulation.floor_band",
-            "is [low, high] in Hz with low < high, well below half the sample rate",
+            format!(
+                "must be [low, high], in Hz, with 0 < low < high < {top} (0.45 times the sample rate)"
+            ),
         ));
     }
-    Ok(())
+    seed("simulation.seed", s.seed)
 }
 
 fn robustness(
-    spec: &file::Robustness,
+    spec: &RobustnessEntry,
     bodies: &[Body],
     names: &Names,
     actuators: &[usize; LEGS],
@@ -722,10 +813,11 @@ fn robustness(
             .map(|name| {
                 let found = bodies.iter().position(|body| body.name == *name);
                 found.ok_or_else(|| {
-                    Fault::new(
+                    EntryError::new(
                         "robustness.payload",
-                        format!("body \"{name}\" does not exist; declare it under [bodies]"),
+                        format!("body \"{name}\" does not exist"),
                     )
+                    .fix("use names under [bodies]")
                 })
             })
             .collect::<Checked<Vec<_>>>()?,
@@ -738,23 +830,13 @@ fn robustness(
             (0..bodies.len()).filter(|&body| !on_legs(body)).collect()
         }
     };
-    for (key, part) in [("mass", spec.mass), ("leg_stiffness", spec.leg_stiffness)] {
-        if !(0.0..1.0).contains(&part) {
-            return Err(Fault::new(
-                format!("robustness.{key}"),
-                "is a part, at least 0 and below 1",
-            ));
-        }
-    }
-    not_negative("robustness.cog", spec.cog)?;
-    if spec.samples == 0 {
-        return Err(Fault::new("robustness.samples", "is at least 1"));
-    }
+    at_least_one("robustness.samples", spec.samples)?;
+    seed("robustness.seed", spec.seed)?;
     Ok(Robustness {
         payload,
-        mass: spec.mass,
-        cog: spec.cog,
-        leg_stiffness: spec.leg_stiffness,
+        mass: fraction("robustness.mass", spec.mass)?,
+        cog: not_negative("robustness.cog", spec.cog, "m")?,
+        leg_stiffness: fraction("robustness.leg_stiffness", spec.leg_stiffness)?,
         samples: spec.samples,
         seed: spec.seed,
     })
@@ -765,10 +847,8 @@ fn node_index(entry: &str, nodes: &[Node], name: &str) -> Checked<usize> {
         .iter()
         .position(|node| node.name == name)
         .ok_or_else(|| {
-            Fault::new(
-                entry,
-                format!("node \"{name}\" does not exist; declare it under [nodes]"),
-            )
+            EntryError::new(entry, format!("node \"{name}\" does not exist"))
+                .fix("add it under [nodes]")
         })
 }
 
@@ -784,10 +864,8 @@ impl Names {
             .iter()
             .position(|beam| beam.name == name)
             .ok_or_else(|| {
-                Fault::new(
-                    entry,
-                    format!("beam \"{name}\" does not exist; declare it under [beams]"),
-                )
+                EntryError::new(entry, format!("beam \"{name}\" does not exist"))
+                    .fix("add it under [beams]")
             })
     }
 
@@ -796,7 +874,10 @@ impl Names {
         for name in names {
             let deformation = self.deformation(entry, name)?;
             if all.contains(&deformation) {
-                return Err(Fault::new(entry, format!("\"{name}\" is named twice")));
+                return Err(EntryError::new(
+                    entry,
+                    format!("\"{name}\" is listed twice"),
+                ));
             }
             all.push(deformation);
         }
@@ -818,29 +899,29 @@ impl Names {
                 beam: self.beam(entry, beam)?,
                 component,
             }),
-            _ => Err(Fault::new(
-                entry,
-                format!("\"{name}\" is no deformation; write \"BEAM.e1\" to \"BEAM.e6\""),
-            )),
+            _ => Err(
+                EntryError::new(entry, format!("\"{name}\" is not a deformation"))
+                    .fix("use \"BEAM.e1\" to \"BEAM.e6\""),
+            ),
         }
     }
 
     fn directions(
         &self,
         entry: &str,
-        specs: &IndexMap<String, file::NodeDirection>,
+        specs: &IndexMap<String, DirectionEntry>,
     ) -> Checked<Vec<Direction>> {
         specs
             .iter()
             .map(|(name, spec)| {
                 let entry = format!("{entry}.{name}");
                 let direction_entry = format!("{entry}.direction");
-                let direction = finite3(&direction_entry, &spec.direction)?;
+                let direction = finite3(&direction_entry, &spec.direction, "")?;
                 let norm = direction.norm();
                 if (norm - 1.0).abs() > UNIT_SLACK {
-                    return Err(Fault::new(
+                    return Err(EntryError::new(
                         direction_entry,
-                        format!("has length {norm:.6}; a direction is a unit vector"),
+                        format!("direction must be a unit vector; its length is {norm:.6}"),
                     ));
                 }
                 Ok(Direction {

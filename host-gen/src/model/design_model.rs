@@ -8,7 +8,7 @@ use shared::LEGS;
 
 use super::independence::{dependent, reach};
 use super::multibody::Multibody;
-use crate::machine::{Fault, Feedback, Machine, MachineError};
+use crate::machine::{EntryError, Feedback, Machine, MachineError};
 use crate::numeric::eigen::generalised_eigen;
 use crate::numeric::six::{to_dynamic, to_six};
 
@@ -134,7 +134,7 @@ fn acceleration_sensing(
     rigid: &RigidModel,
 ) -> Result<Matrix6<f64>, MachineError> {
     let Some(sensors) = &machine.accelerometers else {
-        return Err(machine.locate(Fault::new(
+        return Err(machine.locate(EntryError::new(
             "sensors",
             "there are no accelerometers; add six under sensors.acceleration",
         )));
@@ -145,7 +145,7 @@ fn acceleration_sensing(
     });
     let rows = DMatrix::from_rows(&rows.map(|row| row.columns(0, 6).into_owned()));
     if let Some(i) = dependent(&rows, reach(machine)) {
-        return Err(machine.locate(Fault::new(
+        return Err(machine.locate(EntryError::new(
             format!("sensors.acceleration.{}", sensors[i].name),
             "singular sensor arrangement: it reads nothing of the rigid machine that the sensors before it do not; move or turn it",
         )));
@@ -161,7 +161,7 @@ fn acceleration_sensing(
 /// checked when the file was read.
 fn force_sensing(machine: &Machine) -> Result<Matrix6<f64>, MachineError> {
     let Some(sensors) = &machine.force_sensors else {
-        return Err(machine.locate(Fault::new(
+        return Err(machine.locate(EntryError::new(
             "sensors",
             "there are no force sensors; add one per leg under sensors.force",
         )));
@@ -194,7 +194,7 @@ impl RigidModel {
         let elongations = &model.elongations * ride;
         if let Some(i) = dependent(&to_dynamic(&elongations), reach(machine)) {
             let beam = &machine.beams[machine.actuators[i]].name;
-            return Err(machine.locate(Fault::new(
+            return Err(machine.locate(EntryError::new(
                 "actuators.beams",
                 format!(
                     "singular actuator arrangement: \"{beam}\" moves the machine no way that the legs before it do not; place it otherwise"

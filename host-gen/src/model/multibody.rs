@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Matrix6xX, MatrixXx6, RowVect
 use super::beam::{deformation_stiffness, deformations_from_bodies, transport};
 use super::gravity::Statics;
 use super::independence::{dependent, reach};
-use crate::machine::{Carrier, Damping, Deformation, Direction, Fault, Machine, MachineError};
+use crate::machine::{Carrier, Damping, Deformation, Direction, EntryError, Machine, MachineError};
 use crate::numeric::eigen::generalised_eigen;
 use crate::numeric::six::to_dynamic;
 
@@ -142,10 +142,10 @@ impl Multibody {
         Ok(model)
     }
 
-    fn check(&self, machine: &Machine) -> Result<(), Fault> {
+    fn check(&self, machine: &Machine) -> Result<(), EntryError> {
         let length = reach(machine);
         if let Some(i) = dependent(&self.coordinates, length) {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 "coordinates.deformations",
                 format!(
                     "dependent degrees of freedom: \"{}\" follows from those before it; choose another deformation",
@@ -154,7 +154,7 @@ impl Multibody {
             ));
         }
         if let Some(i) = dependent(&to_dynamic(&self.floor), length) {
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 format!("floor.inputs.{}", machine.floor[i].name),
                 "follows from the inputs before it; the six must fix the motion of a rigid base",
             ));
@@ -173,7 +173,7 @@ impl Multibody {
                 .enumerate()
                 .max_by(|a, b| a.1.total_cmp(&b.1))
                 .map_or(0, |(i, _)| i);
-            return Err(Fault::new(
+            return Err(EntryError::new(
                 format!("bodies.{}", machine.bodies[heaviest].name),
                 "can move without deforming any beam that is stiff; hold it by more beams or stiffer ones",
             ));

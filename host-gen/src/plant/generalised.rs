@@ -15,7 +15,7 @@ use shared::LEGS;
 use super::partial_fractions::PlantPole;
 use super::response::{Response, Terms, continuous};
 use super::state_space::{INPUTS, Outputs, StateSpace};
-use crate::machine::{Fault, Feedback, Machine, MachineError, Performance};
+use crate::machine::{EntryError, Feedback, Machine, MachineError, Performance};
 use crate::model::beam::deformation_stiffness;
 use crate::model::design_model::DesignModel;
 use crate::model::multibody::{Modes, Multibody};
@@ -136,9 +136,9 @@ impl Plant {
         let state_space = StateSpace::new(squares, damping, &floor, &actuators, &out);
         let poles = state_space
             .poles(squares, damping)
-            .map_err(|error| machine.locate(Fault::new("", error.to_string())))?
+            .map_err(|error| machine.locate(EntryError::new("", error.to_string())))?
             .ok_or_else(|| {
-                machine.locate(Fault::new(
+                machine.locate(EntryError::new(
                     "damping",
                     "a mode is damped exactly critically; change the damping a little",
                 ))

@@ -231,7 +231,8 @@ fn settings(machine: &Machine) -> Vec<Setting> {
         }
     }
     let mut settings = Vec::new();
-    for (key, value) in &machine.description {
+    // A checked machine's numbers are within those of TOML.
+    for (key, value) in &machine.description().to_table().unwrap_or_default() {
         if key != "provenance" {
             walk(key, value, &mut settings);
         }

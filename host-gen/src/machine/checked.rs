@@ -1,0 +1,429 @@
+//! A machine as checked: names resolved, numbers in range.
+
+use std::path::Path;
+
+use nalgebra::{Matrix3, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng};
+use shared::LEGS;
+use shared::codes::{Adc, Dac};
+use shared::table::ModelDigest;
+
+use super::error::{EntryError, MachineError};
+use super::file::{
+    Feedback, LawName, MachineFile, Minimise, Provenance, ShapeEntry, Simulation,
+    Supervision,
+};
+use super::source::Source;
+
+/// A machine as checked. SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Machine {
+    /// Name of the machine.
+    pub name: String,
+    /// All nodes, in the order of the file; other fields refer to them by index.
+    pub nodes: Vec<Node>,
+    /// Rigid bodies, in the order of the file.
+    pub bodies: Vec<Body>,
+    /// Beams, in the order of the file.
+    pub beams: Vec<Beam>,
+    /// Degrees of freedom q_d, Eq. (7): six per body.
+    pub coordinates: Vec<Deformation>,
+    /// Actuated beams, by index, in channel order.
+    pub actuators: [usize; LEGS],
+    /// Accelerometers in channel order, none or six.
+    pub accelerometers: Option<[Direction; LEGS]>,
+    /// Beams with a force sensor by index, in channel order, none or six.
+    pub force_sensors: Option<[usize; LEGS]>,
+    /// Rheonomic inputs q_r at base nodes, Eq. (8).
+    pub floor: [Direction; LEGS],
+    /// Performance outputs, Eq. (10), at least one.
+    pub performance: Vec<Performance>,
+    /// Bands to report peaks in: name, lower and upper limit, Hz.
+    pub bands: Vec<(String, f64, f64)>,
+    /// Acceleration of gravity, m/s².
+    pub gravity: Vector3<f64>,
+    /// Damping of the machine as a whole.
+    pub damping: Damping,
+    /// Objectives of the controller.
+    pub target: Target,
+    /// Shapes of the modal law by mode, slowest mode first, where the file gives them;
+    /// nothing is searched then.
+    pub shapes: Option<[ShapeEntry; LEGS]>,
+    /// The board.
+    pub board: Board,
+    /// Limits and times of the supervisor.
+    pub supervision: Supervision,
+    /// Settings of the standard simulation.
+    pub simulation: Simulation,
+    /// Settings of the Monte Carlo run.
+    pub robustness: Robustness,
+    /// Sources of the numbers.
+    pub provenance: Vec<Provenance>,
+    /// SHA-256 of the description without comments and layout: everything that decides the
+    /// controller. Of `simulation` that is `floor_band` with `minimise = "rms"`, of
+    /// `robustness` what the modal law is verified on; `provenance` is left out.
+    pub digest: ModelDigest,
+    pub(super) description: MachineFile,
+    pub(super) source: Source,
+}
+
+/// A design of the modal law is verified on at most so many randomly perturbed machines.
+pub const DESIGN_SAMPLES: usize = 40;
+
+/// A named point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// Name of the node.
+    pub name: String,
+    /// Position, m.
+    pub at: Vector3<f64>,
+    /// What the node moves with.
+    pub carrier: Carrier,
+}
+
+/// What a node moves with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carrier {
+    /// The moving base.
+    Base,
+    /// A body, by its index in [`Machine::bodies`].
+    Body(usize),
+}
+
+/// A rigid body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// Name of the body.
+    pub name: String,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Inertia tensor about the centre of gravity, kg m².
+    pub inertia: Matrix3<f64>,
+    /// Position of the centre of gravity, m.
+    pub cog: Vector3<f64>,
+}
+
+/// A massless beam between two nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Beam {
+    /// Name of the beam.
+    pub name: String,
+    /// End nodes p and q, by index.
+    pub ends: [usize; 2],
+    /// End stiffnesses.
+    pub stiffness: Stiffness,
+    /// Loss factor of the material (no unit).
+    pub loss_factor: f64,
+    /// Viscous damper along the beam, N s/m.
+    pub damper: f64,
+    /// Local axes as rows: x from p to q, then y and z, unit vectors.
+    pub axes: Matrix3<f64>,
+    /// Length, m.
+    pub length: f64,
+}
+
+/// End stiffnesses of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiffness {
+    /// Axial stiffness EA/L, N/m.
+    pub axial: f64,
+    /// Bending stiffness EI/L in the planes of e3, e4 and of e5, e6, N m.
+    pub bending: [f64; 2],
+    /// Torsional stiffness GJ/L, N m.
+    pub torsion: f64,
+}
+
+/// Damping that does not belong to single beams.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Damping {
+    /// Damping ratio of every mode (no unit).
+    pub modal: f64,
+    /// Rayleigh damping D = α·M + β·K: α, 1/s, and β, s.
+    pub rayleigh: [f64; 2],
+}
+
+/// One deformation of one beam.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Deformation {
+    /// The beam, by its index in [`Machine::beams`].
+    pub beam: usize,
+    /// Component of the deformation: 0 to 5 for e1 to e6.
+    pub component: usize,
+}
+
+/// A named direction at a node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// Name of the sensor, input or output.
+    pub name: String,
+    /// The node, by its index in [`Machine::nodes`].
+    pub node: usize,
+    /// Unit vector of the positive direction.
+    pub direction: Vector3<f64>,
+}
+
+/// One performance output.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Performance {
+    /// Second time derivative of a deformation, m/s².
+    Deformation(Deformation),
+    /// Absolute acceleration, m/s².
+    Acceleration(Direction),
+}
+
+/// Objectives of the controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Sensors to feed back.
+    pub feedback: Feedback,
+    /// Suspension frequency ω_n/2π, Hz.
+    pub frequency: f64,
+    /// Damping ratio ζ_n of the suspension (no unit).
+    pub damping: f64,
+    /// Upper limit for the peak sensitivity of the sampled loop (no unit).
+    pub max_sensitivity: f64,
+    /// Structure of the control law.
+    pub law: LawName,
+    /// Objective of the search for the controller.
+    pub minimise: Minimise,
+}
+
+impl Target {
+    /// Suspension frequency ω_n, rad/s.
+    pub fn omega(&self) -> f64 {
+        core::f64::consts::TAU * self.frequency
+    }
+}
+
+/// The board with its converters, sensors and actuators.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Board {
+    /// Sample rate, Hz.
+    pub sample_rate: f64,
+    /// Delay from the sampling instant until the outputs are latched, s.
+    pub latch_delay: f64,
+    /// Input converters.
+    pub adc: Adc,
+    /// Noise of the ADC, rms, V.
+    pub adc_noise: f64,
+    /// Output converters.
+    pub dac: Dac,
+    /// Noise of the DAC, rms, V.
+    pub dac_noise: f64,
+    /// The sensors that are fed back; the accelerometers, if both kinds are.
+    pub sensor: Sensor,
+    /// The force sensors, if both kinds are fed back.
+    pub beside: Option<Sensor>,
+    /// Accelerometers, if the machine has them.
+    pub accelerometer: Option<Sensor>,
+    /// Force sensors, if the machine has them.
+    pub force_sensor: Option<Sensor>,
+    /// Force per volt at the DAC, N/V.
+    pub actuator_gain: f64,
+    /// Bandwidth of amplifier and piezo as a first-order low-pass, Hz.
+    pub actuator_bandwidth: Option<f64>,
+    /// Force limit of a leg in either direction, N.
+    pub force_limit: f64,
+}
+
+impl Board {
+    /// Sample period T, s.
+    pub fn period(&self) -> f64 {
+        1.0 / self.sample_rate
+    }
+
+    /// Total delay of the loop, from the sample to the middle of the hold, s.
+    pub fn whole_delay(&self) -> f64 {
+        self.latch_delay + 0.5 * self.period()
+    }
+}
+
+/// How machines are perturbed for the Monte Carlo run; all distributions are uniform.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Robustness {
+    /// The bodies that vary, by index.
+    pub payload: Vec<usize>,
+    /// Largest relative change of their mass and inertia (no unit).
+    pub mass: f64,
+    /// Largest shift of their centre of gravity along each axis, m.
+    pub cog: f64,
+    /// Largest relative change of each leg's stiffness (no unit).
+    pub leg_stiffness: f64,
+    /// Number of machines to draw.
+    pub samples: usize,
+    /// Seed of the random numbers.
+    pub seed: u64,
+}
+
+/// A sensor with its amplifier.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensor {
+    /// Sensitivity with the amplifier, V/(m/s²) or V/N.
+    pub sensitivity: f64,
+    /// White noise density, m/s²/√Hz or N/√Hz.
+    pub noise_density: f64,
+    /// Offset voltage at the converter, V.
+    pub offset: f64,
+    /// Bandwidth of sensor and amplifier as a first-order low-pass, Hz.
+    pub bandwidth: Option<f64>,
+}
+
+impl Machine {
+    /// The same machine with other sensors fed back; None if it or its board does not have
+    /// them.
+    pub fn with_feedback(&self, feedback: Feedback) -> Option<Self> {
+        let accelerometer = self.accelerometers.as_ref().and(self.board.accelerometer);
+        let force_sensor = self.force_sensors.and(self.board.force_sensor);
+        let (sensor, beside) = match feedback {
+            Feedback::Acceleration => (accelerometer?, None),
+            Feedback::Force => (force_sensor?, None),
+            Feedback::Both => (accelerometer?, Some(force_sensor?)),
+        };
+        let mut machine = self.clone();
+        machine.target.feedback = feedback;
+        machine.description.control.feedback = feedback;
+        machine.board.sensor = sensor;
+        machine.board.beside = beside;
+        Some(machine)
+    }
+
+    /// The same machine with each kind of feedback that it has sensors for: acceleration,
+    /// force, both.
+    pub fn by_feedback(&self) -> Vec<Self> {
+        let mut machines = Vec::new();
+        for feedback in [Feedback::Acceleration, Feedback::Force, Feedback::Both] {
+            // Only the modal law takes both kinds.
+            if feedback == Feedback::Both && self.target.law == LawName::Direct {
+                continue;
+            }
+            machines.extend(self.with_feedback(feedback));
+        }
+        machines
+    }
+
+    /// Everything that a search for a controller reads, as text: two machines with equal
+    /// texts have equal controllers. Unlike the digest, it is that of the machine as it is
+    /// now, not as its file described it.
+    pub fn search_inputs(&self) -> String {
+        // Without `..`: whoever adds a field decides here whether the search reads it.
+        let Self {
+            nodes,
+            bodies,
+            beams,
+            coordinates,
+            actuators,
+            accelerometers,
+            force_sensors,
+            floor,
+            performance,
+            bands,
+            gravity,
+            damping,
+            target,
+            board,
+            simulation,
+            robustness,
+            name: _,
+            supervision: _,
+            shapes: _,
+            provenance: _,
+            digest: _,
+            description: _,
+            source: _,
+        } = self;
+        let floor_band = match target.minimise {
+            Minimise::Rms => Some(simulation.floor_band),
+            Minimise::Peaks => None,
+        };
+        // Debug prints numbers in the shortest form that reads back to the same bits.
+        format!(
+            "{nodes:?} {bodies:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {floor_band:?}"
+        )
+    }
+
+    /// Randomly perturbed machine number `index`: mass, inertia and centre of gravity of the
+    /// payload and the stiffness of every leg vary as [`Robustness`] says. Each index has its
+    /// own random stream, so the order does not matter.
+    pub fn drawn(&self, index: usize) -> Self {
+        self.drawn_with(&self.robustness, index)
+    }
+
+    /// The same with other `settings` than those of the file.
+    pub fn drawn_with(&self, settings: &Robustness, index: usize) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
+        random.set_stream(index as u64);
+        // Uniform between −1 and 1.
+        let mut uniform = || (random.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
+        let mut machine = self.clone();
+        for &i in &settings.payload {
+            let body = &mut machine.bodies[i];
+            let factor = 1.0 + settings.mass * uniform();
+            body.mass *= factor;
+            body.inertia *= factor;
+            for x in body.cog.iter_mut() {
+                *x += settings.cog * uniform();
+            }
+        }
+        for &leg in &machine.actuators {
+            let stiffness = &mut machine.beams[leg].stiffness;
+            let factor = 1.0 + settings.leg_stiffness * uniform();
+            stiffness.axial *= factor;
+            stiffness.torsion *= factor;
+            stiffness.bending = stiffness.bending.map(|x| x * factor);
+        }
+        machine
+    }
+
+    /// `error` with its place in this machine's file.
+    pub(crate) fn locate(&self, error: EntryError) -> MachineError {
+        self.source.locate(error)
+    }
+
+    /// Name of a deformation, such as `"leg4.e1"`.
+    pub fn deformation_name(&self, deformation: Deformation) -> String {
+        format!(
+            "{}.e{}",
+            self.beams[deformation.beam].name,
+            deformation.component + 1
+        )
+    }
+
+    /// The machine file as data, with all defaults filled in. Change it and
+    /// [`build`](Self::build) it to get a variant of the machine.
+    pub fn description(&self) -> &MachineFile {
+        &self.description
+    }
+
+    /// The files that the machine was read from, with their texts: the one asked for, then
+    /// those it is based on. None for a machine that was built in code.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
+        self.source.files()
+    }
+
+    /// Names of the sensors that `feedback` uses, in channel order; a force sensor has the
+    /// name of its leg.
+    pub fn sensor_names(&self, feedback: Feedback) -> Vec<String> {
+        let accelerometers = || self.accelerometers.iter().flatten();
+        let legs = || self.force_sensors.iter().flatten();
+        let mut names = Vec::new();
+        if feedback != Feedback::Force {
+            names.extend(accelerometers().map(|sensor| sensor.name.clone()));
+        }
+        if feedback != Feedback::Acceleration {
+            names.extend(legs().map(|&leg| self.beams[leg].name.clone()));
+        }
+        names
+    }
+
+    /// Names of the performance outputs.
+    pub fn performance_names(&self) -> Vec<String> {
+        self.performance
+            .iter()
+            .map(|output| match output {
+                Performance::Deformation(d) => self.deformation_name(*d),
+                Performance::Acceleration(d) => d.name.clone(),
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,58 @@
+//! From TOML values to the file's types, with errors in terms of the file.
+
+use serde_path_to_error::{Path, Segment};
+
+use super::error::EntryError;
+use super::file::MachineFile;
+use super::schema::{summary, unit};
+
+/// The file that a table of keys and values is.
+pub(super) fn file(table: toml::Table) -> Result<MachineFile, EntryError> {
+    serde_path_to_error::deserialize(toml::Value::Table(table)).map_err(|error| {
+        let entry = match error.path().to_string().as_str() {
+            // The file as a whole.
+            "." => String::new(),
+            path => path.to_owned(),
+        };
+        refusal(entry, error.path(), error.inner().message())
+    })
+}
+
+/// Says what serde says for the person who wrote the file.
+fn refusal(entry: String, path: &Path, message: &str) -> EntryError {
+    let keys = path.iter().map(|segment| match segment {
+        Segment::Map { key } => Some(key.as_str()),
+        _ => None,
+    });
+    let (what, expected) = message.split_once(", expected ").unwrap_or((message, ""));
+    if let Some(name) = what.strip_prefix("unknown field ") {
+        EntryError::new(entry, format!("unknown key {name}")).fix(format!("use {expected}"))
+    } else if let Some(name) = what.strip_prefix("unknown variant ") {
+        EntryError::new(entry, format!("unknown value {name}")).fix(format!("use {expected}"))
+    } else if let Some(name) = what.strip_prefix("missing field ") {
+        let error = EntryError::new(entry, format!("missing key {name}"));
+        match summary(keys.chain([Some(name.trim_matches('`'))])) {
+            Some(summary) => error.fix(format!("add it: {summary}")),
+            None => error,
+        }
+    } else if let Some(found) = what.strip_prefix("invalid ") {
+        let found = found.trim_start_matches("type: ");
+        let found = found.trim_start_matches("value: ");
+        let summary = summary(keys).unwrap_or_default();
+        let unit = unit(&summary).map(|unit| format!(", in {unit}"));
+        let unit = unit.unwrap_or_default();
+        let expected = match expected {
+            "f64" => format!("a number{unit}"),
+            "u16" => format!("a whole number from 0 to {}", u16::MAX),
+            "u32" => format!("a whole number from 0 to {}", u32::MAX),
+            "u64" | "usize" => "a whole number, at least 0".to_owned(),
+            "a map" => "a table".to_owned(),
+            "a sequence" => "an array".to_owned(),
+            table if table.starts_with("struct ") => "a table".to_owned(),
+            other => format!("{other}{unit}"),
+        };
+        EntryError::new(entry, format!("expected {expected}, found {found}"))
+    } else {
+        EntryError::new(entry, message)
+    }
+}
