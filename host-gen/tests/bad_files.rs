@@ -461,6 +461,34 @@ fn wrong_type() {
         "provenance[0].kind",
         "unknown value `printed`; use one of `published`",
     );
+    refused(
+        "feedback = \"acceleration\"",
+        "feedback = 3",
+        "feedback = 3",
+        "control.feedback",
+        "expected a string; Sensors to feed back: `\"acceleration\"`",
+    );
+    refused(
+        "floor_band = [1.0, 200.0]",
+        "floor_band = [1.0]",
+        "floor_band = [1.0]",
+        "simulation.floor_band",
+        "expected an array of length 2, found length 1",
+    );
+    refused(
+        "name = \"metrology-frame\"",
+        "name = 3",
+        "name = 3",
+        "name",
+        "expected a string, found integer `3`",
+    );
+    refused(
+        "leg9 = { nodes = [\"n19\", \"n7\"], profile = \"leg\" }",
+        "leg9 = \"leg\"",
+        "leg9 = \"leg\"",
+        "beams.leg9",
+        "expected a table, found string \"leg\"",
+    );
 }
 
 /// A name may have dots in it.

@@ -68,7 +68,7 @@ fn mounts(text: &str) -> Result<Mounts, String> {
     match text {
         "3" => Ok(Mounts::Three),
         "6" => Ok(Mounts::Six),
-        _ => Err("must be 3 (two legs each) or 6 (one leg each)".to_owned()),
+        _ => Err("there are six legs: 3 mounts of two, or 6 mounts of one".to_owned()),
     }
 }
 

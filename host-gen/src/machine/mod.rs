@@ -5,7 +5,7 @@
 //! | file | |
 //! |---|---|
 //! | `error` | errors with the place, the entry, the cause and the fix |
-//! | [`file`] | the machine file as data |
+//! | [`mod@file`] | the machine file as data |
 //! | `source` | texts of files, what they are based on, where an entry is |
 //! | [`schema`] | the JSON Schema of machine files |
 //! | `read` | from TOML values to the file's types |
@@ -59,7 +59,7 @@ impl Machine {
         Self::from_table(source, table)
     }
 
-    /// Checks a machine that is described in code ([example](file)).
+    /// Checks a machine that is described in code ([example](mod@file)).
     ///
     /// # Errors
     /// As for a file with the same values; without a line.

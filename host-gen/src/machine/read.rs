@@ -42,6 +42,8 @@ fn refusal(entry: String, path: &Path, message: &str) -> EntryError {
         let unit = unit(&summary).map(|unit| format!(", in {unit}"));
         let unit = unit.unwrap_or_default();
         let expected = match expected {
+            // What toml says of a name that is no string.
+            "string only" => return EntryError::new(entry, "expected a string").fix(summary),
             "f64" => format!("a number{unit}"),
             "u16" => format!("a whole number from 0 to {}", u16::MAX),
             "u32" => format!("a whole number from 0 to {}", u32::MAX),
@@ -49,7 +51,7 @@ fn refusal(entry: String, path: &Path, message: &str) -> EntryError {
             "a map" => "a table".to_owned(),
             "a sequence" => "an array".to_owned(),
             table if table.starts_with("struct ") => "a table".to_owned(),
-            other => format!("{other}{unit}"),
+            other => other.to_owned(),
         };
         EntryError::new(entry, format!("expected {expected}, found {found}"))
     } else {

@@ -113,7 +113,7 @@ mod tests {
     /// messages depend on it.
     #[test]
     fn every_number_states_its_unit() {
-        const UNITS: [&str; 20] = [
+        const UNITS: [&str; 18] = [
             "m",
             "m²",
             "m⁴",
@@ -132,8 +132,6 @@ mod tests {
             "m/s²",
             "m/s²/√Hz or N/√Hz",
             "1/s and s",
-            "Hz",
-            "V",
         ];
         let mut schema = file_schema("/$defs");
         let mut numbers = 0;

@@ -26,7 +26,7 @@ fn direction(node: &str, axis: usize) -> DirectionEntry {
     }
 }
 
-/// The metrology frame, written out in Rust from Table 1 and Eqs. (7) to (12).
+/// The metrology frame, written out in Rust from Table 1 and Eq. (7) to Eq. (12).
 fn frame() -> MachineFile {
     let ends = |p: &str, q: &str, profile: &str| BeamEntry {
         nodes: [p.to_owned(), q.to_owned()],
