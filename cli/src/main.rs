@@ -33,6 +33,7 @@ use command::simulate::SimulateArguments;
 use command::table::TableArguments;
 use command::watch::WatchArguments;
 use failure::Failure;
+use search::Searcher;
 
 /// From a machine's geometry to a controller table that is proven on the
 /// sampled, delayed loop.
@@ -41,6 +42,9 @@ use failure::Failure;
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Search again: neither use nor keep results of searches.
+    #[arg(long, global = true)]
+    no_cache: bool,
 }
 
 #[derive(Subcommand)]
@@ -140,7 +144,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    match run(&Cli::parse().command) {
+    let cli = Cli::parse();
+    match run(&cli.command, &Searcher::new(!cli.no_cache)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             const ERROR: Style = AnsiColor::Red.on_default().bold();
@@ -155,7 +160,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(command: &Command) -> Result<(), Failure> {
+fn run(command: &Command, searcher: &Searcher) -> Result<(), Failure> {
     match command {
         Command::New(arguments) => command::new::new(arguments),
         Command::Schema => print::text(&schema()),
@@ -167,20 +172,20 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Modes(common) => command::model::modes(common),
         Command::Gains(common) => command::model::gains(common),
         Command::Zeros(common) => command::model::zeros(common),
-        Command::Poles(common) => command::poles::poles(common),
-        Command::Sigma(arguments) => command::sigma::sigma(arguments),
-        Command::Robust(arguments) => command::robust::robust(arguments),
-        Command::Floor(arguments) => command::floor::floor(arguments),
+        Command::Poles(common) => command::poles::poles(common, searcher),
+        Command::Sigma(arguments) => command::sigma::sigma(arguments, searcher),
+        Command::Robust(arguments) => command::robust::robust(arguments, searcher),
+        Command::Floor(arguments) => command::floor::floor(arguments, searcher),
         Command::Plant(arguments) => command::plant::plant(arguments),
-        Command::Compare(arguments) => command::compare::compare(arguments),
-        Command::Design(arguments) => command::design::design(arguments),
-        Command::Generate(arguments) => command::table::generate(arguments),
-        Command::Report(arguments) => command::report::report(arguments),
-        Command::Watch(arguments) => command::watch::watch(arguments),
-        Command::Check(arguments) => command::table::check(arguments),
-        Command::Simulate(arguments) => command::simulate::simulate(arguments),
-        Command::Campaign(arguments) => command::campaign::campaign(arguments),
-        Command::Sil(arguments) => command::sil::sil(arguments),
-        Command::Link(arguments) => command::link::link(arguments),
+        Command::Compare(arguments) => command::compare::compare(arguments, searcher),
+        Command::Design(arguments) => command::design::design(arguments, searcher),
+        Command::Generate(arguments) => command::table::generate(arguments, searcher),
+        Command::Report(arguments) => command::report::report(arguments, searcher),
+        Command::Watch(arguments) => command::watch::watch(arguments, searcher),
+        Command::Check(arguments) => command::table::check(arguments, searcher),
+        Command::Simulate(arguments) => command::simulate::simulate(arguments, searcher),
+        Command::Campaign(arguments) => command::campaign::campaign(arguments, searcher),
+        Command::Sil(arguments) => command::sil::sil(arguments, searcher),
+        Command::Link(arguments) => command::link::link(arguments, searcher),
     }
 }

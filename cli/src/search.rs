@@ -1,8 +1,9 @@
 //! Studies and their designs, with the progress of the search on a terminal.
 
-use std::path::Path;
+use std::env;
+use std::path::{Path, PathBuf};
 
-use host_gen::design::{Design, Effort, Search, Study};
+use host_gen::design::{Cache, Design, Effort, Search, Study};
 use host_gen::machine::Machine;
 use host_gen::progress::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,14 +14,16 @@ use crate::failure::{Failure, in_loop};
 pub struct Bar(ProgressBar);
 
 impl Bar {
-    /// For steps of a known number.
+    /// For a known number of steps.
     pub fn of(steps: usize) -> Self {
         Self(ProgressBar::new(steps as u64))
     }
 
     /// For a search.
     pub fn search() -> Self {
-        let style = ProgressStyle::with_template("{spinner} shaping the loop, {pos} trials, {elapsed}");
+        let style = ProgressStyle::with_template(
+            "{spinner} searching for the controller, {pos} trials, {elapsed}",
+        );
         let bar = ProgressBar::new_spinner();
         Self(bar.with_style(style.expect("the template is valid")))
     }
@@ -38,20 +41,46 @@ impl Drop for Bar {
     }
 }
 
-/// A full search that shows its progress on `bar`.
-pub fn full(bar: &Bar) -> Search<'_> {
-    Search {
-        effort: Effort::Full,
-        progress: bar,
+/// How commands search.
+pub struct Searcher {
+    cache: Option<Cache>,
+}
+
+impl Searcher {
+    /// One that keeps its results in the user's cache folder, or in the folder that the
+    /// environment's `HOST_GEN_CACHE` names; nowhere if not `keep`.
+    pub fn new(keep: bool) -> Self {
+        let folder = || match env::var_os("HOST_GEN_CACHE") {
+            Some(folder) if !folder.is_empty() => Some(PathBuf::from(folder)),
+            _ => Some(dirs::cache_dir()?.join("host-gen")),
+        };
+        Self {
+            cache: keep.then(folder).flatten().map(Cache::at),
+        }
+    }
+
+    /// Where results are kept, if they are.
+    pub fn cache(&self) -> Option<&Cache> {
+        self.cache.as_ref()
+    }
+
+    /// A full search that shows its progress on `bar`.
+    pub fn full<'a>(&'a self, bar: &'a Bar) -> Search<'a> {
+        Search {
+            effort: Effort::Full,
+            cache: self.cache(),
+            progress: bar,
+        }
+    }
+
+    /// The design of a study's loop.
+    pub fn design(&self, model: &Path, study: &Study) -> Result<Design, Failure> {
+        let design = self.full(&Bar::search()).design(study);
+        design.map_err(in_loop(model))
     }
 }
 
 /// The study of a machine file.
 pub fn study(model: &Path) -> Result<Study, Failure> {
     Ok(Study::new(Machine::load(model)?)?)
-}
-
-/// The design of a study's loop.
-pub fn design(model: &Path, study: &Study) -> Result<Design, Failure> {
-    full(&Bar::search()).design(study).map_err(in_loop(model))
 }

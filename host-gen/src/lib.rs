@@ -26,29 +26,16 @@
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/library.md")]
 pub struct Library;
-
 pub mod progress;
-
 pub mod numeric;
-
 pub mod machine;
-
 pub mod model;
-
 pub mod plant;
-
 pub mod control;
-
 pub mod closed_loop;
-
 pub mod design;
-
 pub mod analysis;
-
 pub mod simulate;
-
 pub mod board;
 
 pub mod report;
-
-pub mod outline;

@@ -7,7 +7,7 @@ use host_gen::simulate::faults::{Defect, campaign as run};
 use crate::arguments::Common;
 use crate::failure::Failure;
 use crate::print;
-use crate::search::{Bar, design, study};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct CampaignArguments {
@@ -18,10 +18,10 @@ pub struct CampaignArguments {
     pairs: bool,
 }
 
-pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
+pub fn campaign(arguments: &CampaignArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let study = study(model)?;
-    let design = design(model, &study)?;
+    let design = searcher.design(model, &study)?;
     let single = Defect::all();
     let mut cases: Vec<Vec<Defect>> = single.iter().map(|defect| vec![*defect]).collect();
     if arguments.pairs {

@@ -7,7 +7,7 @@ use host_gen::design::DesignedStudy;
 use crate::arguments::{Format, Several};
 use crate::failure::{Failure, in_study};
 use crate::print;
-use crate::search::{Bar, full};
+use crate::search::{Bar, Searcher};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -18,9 +18,9 @@ pub struct CompareArguments {
     format: Format,
 }
 
-pub fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
+pub fn compare(arguments: &CompareArguments, searcher: &Searcher) -> Result<(), Failure> {
     let machines = arguments.several.load()?;
-    let studies = DesignedStudy::all(machines, &full(&Bar::search()))?;
+    let studies = DesignedStudy::all(machines, &searcher.full(&Bar::search()))?;
     let comparison = MachineComparison::new(&studies);
     let comparison = comparison.map_err(in_study(&arguments.several.models[0]))?;
     print::result(arguments.format, &comparison)

@@ -6,7 +6,7 @@ use host_gen::analysis::controller::DesignAnalysis;
 use crate::arguments::Common;
 use crate::failure::{Failure, in_loop, in_study};
 use crate::print;
-use crate::search::{Bar, study};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct DesignArguments {
@@ -17,13 +17,13 @@ pub struct DesignArguments {
     chart: bool,
 }
 
-pub fn design(arguments: &DesignArguments) -> Result<(), Failure> {
+pub fn design(arguments: &DesignArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let study = study(model)?;
-    let design = crate::search::design(model, &study)?;
+    let design = searcher.design(model, &study)?;
     let mut analysis = DesignAnalysis::new(&study, design).map_err(in_loop(model))?;
     if arguments.chart {
-        let charted = analysis.with_other_boards(&study, &Bar::search());
+        let charted = analysis.with_other_boards(&study, searcher.cache(), &Bar::search());
         analysis = charted.map_err(in_study(model))?;
     }
     print::result(*format, &analysis)

@@ -11,7 +11,7 @@ use host_gen::analysis::vibration::{Floor, SpectrumError, both_budgets};
 use crate::arguments::{Common, band, criterion};
 use crate::failure::{Failure, in_loop};
 use crate::print;
-use crate::search::{design, study};
+use crate::search::{Searcher, study};
 
 #[derive(Args)]
 pub struct FloorArguments {
@@ -42,7 +42,7 @@ struct FloorChoice {
     spectrum: Option<PathBuf>,
 }
 
-pub fn floor(arguments: &FloorArguments) -> Result<(), Failure> {
+pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let band = band(arguments.from, arguments.to)?;
     let (floor, name) = match &arguments.floor {
@@ -66,7 +66,7 @@ pub fn floor(arguments: &FloorArguments) -> Result<(), Failure> {
         }
     };
     let study = study(model)?;
-    let design = design(model, &study)?;
+    let design = searcher.design(model, &study)?;
     let board = &study.machine().board;
     let budgets = both_budgets(study.plant(), board, &design.table, &floor, band);
     let [open, closed] = budgets.map_err(in_loop(model))?;

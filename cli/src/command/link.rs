@@ -1,7 +1,6 @@
 //! `host-gen link`.
 
 use std::fmt::{self, Display, Formatter};
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
@@ -20,7 +19,7 @@ use shared::supervisor::{LatchedFault, Mode};
 use crate::arguments::Format;
 use crate::failure::Failure;
 use crate::print;
-use crate::search::{Bar, design, study};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct LinkArguments {
@@ -207,7 +206,7 @@ struct Frf {
     period: u32,
 }
 
-pub fn link(arguments: &LinkArguments) -> Result<(), Failure> {
+pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.at)?;
     let format = arguments.format;
     match &arguments.action {
@@ -261,11 +260,11 @@ pub fn link(arguments: &LinkArguments) -> Result<(), Failure> {
                 after,
             };
             let (records, _) = client.record(recording)?;
-            csv(None, &records)
+            csv(&records)
         }
         Action::Snapshot => {
             let records = client.records(Request::Snapshot)?;
-            csv(None, &records)
+            csv(&records)
         }
         Action::Telemetry { every, count } => telemetry(&mut client, *every, *count),
         Action::Health => print::result(format, &Does(client.health()?)),
@@ -273,13 +272,13 @@ pub fn link(arguments: &LinkArguments) -> Result<(), Failure> {
             match &table.model {
                 Some(model) => {
                     let study = study(model)?;
-                    client.send_table(&design(model, &study)?.table)?;
+                    client.send_table(&searcher.design(model, &study)?.table)?;
                 }
                 None => client.command(Request::Forget)?,
             }
             print::result(format, &Runs(client.identity()?))
         }
-        Action::Frf(arguments) => measured(&mut client, arguments, format),
+        Action::Frf(arguments) => measured(&mut client, arguments, format, searcher),
     }
 }
 
@@ -423,67 +422,62 @@ impl Display for Does {
 
 fn telemetry(client: &mut Client, every: u32, count: Option<u64>) -> Result<(), Failure> {
     client.command(Request::Telemetry(every))?;
+    let mut table = csv::Writer::from_writer(std::io::stdout());
     let mut printed = 0;
     while count.is_none_or(|count| printed < count) {
         if let Some(telemetry) = client.telemetry()? {
             if printed == 0 {
-                csv_head(Some("at,mode,gain,clamped"))?;
+                row(&mut table, ["at", "mode", "gain", "clamped"], columns())?;
             }
-            let front = format!(
-                "{},{:?},{},{}",
-                telemetry.at, telemetry.mode, telemetry.gain, telemetry.status.clamped
-            );
-            csv_row(Some(&front), &telemetry.record)?;
+            let front = [
+                telemetry.at.to_string(),
+                format!("{:?}", telemetry.mode),
+                telemetry.gain.to_string(),
+                telemetry.status.clamped.to_string(),
+            ];
+            row(&mut table, front, codes(&telemetry.record))?;
             printed += 1;
         }
     }
     Ok(client.command(Request::Telemetry(0))?)
 }
 
-fn csv(front: Option<&str>, records: &[Record]) -> Result<(), Failure> {
-    csv_head(front)?;
+fn csv(records: &[Record]) -> Result<(), Failure> {
+    let mut table = csv::Writer::from_writer(std::io::stdout());
+    row(&mut table, [] as [&str; 0], columns())?;
     for record in records {
-        csv_row(None, record)?;
+        row(&mut table, [] as [&str; 0], codes(record))?;
     }
     Ok(())
 }
 
-fn csv_head(front: Option<&str>) -> Result<(), Failure> {
-    let names = ["sensor", "force", "dac"];
-    let columns = names
-        .iter()
-        .flat_map(|name| (1..=LEGS).map(move |i| format!("{name}{i}")));
-    let columns: Vec<_> = front
-        .map(str::to_owned)
-        .into_iter()
-        .chain(columns)
-        .collect();
-    out(&columns.join(","))
+/// What the columns of a record's codes are called.
+fn columns() -> impl Iterator<Item = String> {
+    let names = ["sensor", "force", "dac"].into_iter();
+    names.flat_map(|name| (1..=LEGS).map(move |i| format!("{name}{i}")))
 }
 
-fn csv_row(front: Option<&str>, record: &Record) -> Result<(), Failure> {
-    let adc = record
-        .adc
-        .sensors
-        .iter()
-        .chain(&record.adc.forces)
-        .map(|code| code.0.to_string());
+fn codes(record: &Record) -> impl Iterator<Item = String> {
+    let adc = record.adc.sensors.iter().chain(&record.adc.forces);
     let dac = record.dac.iter().map(|code| code.0.to_string());
-    let row: Vec<_> = front
-        .map(str::to_owned)
-        .into_iter()
-        .chain(adc)
-        .chain(dac)
-        .collect();
-    out(&row.join(","))
+    adc.map(|code| code.0.to_string()).chain(dac)
 }
 
-fn out(line: &str) -> Result<(), Failure> {
-    writeln!(std::io::stdout(), "{line}").map_err(|error| Failure::Io {
-        path: "standard output".to_owned(),
-        what: "written",
-        error,
-    })
+/// A row, at once: whoever reads live waits for it.
+fn row<const N: usize, T: Into<String>>(
+    table: &mut csv::Writer<std::io::Stdout>,
+    front: [T; N],
+    codes: impl Iterator<Item = String>,
+) -> Result<(), Failure> {
+    let row = front.into_iter().map(T::into).chain(codes);
+    let written = table.write_record(row).map_err(std::io::Error::from);
+    written
+        .and_then(|()| table.flush())
+        .map_err(|error| Failure::Io {
+            path: "standard output".to_owned(),
+            what: "written",
+            error,
+        })
 }
 
 #[derive(Serialize)]
@@ -491,9 +485,14 @@ struct Measured {
     lines: Vec<MeasuredLine>,
 }
 
-fn measured(client: &mut Client, arguments: &Frf, format: Format) -> Result<(), Failure> {
+fn measured(
+    client: &mut Client,
+    arguments: &Frf,
+    format: Format,
+    searcher: &Searcher,
+) -> Result<(), Failure> {
     let study = study(&arguments.model)?;
-    let table = design(&arguments.model, &study)?.table;
+    let table = searcher.design(&arguments.model, &study)?.table;
     let settings = MeasurementSettings {
         period: arguments.period,
         averages: arguments.averages.max(1),

@@ -9,7 +9,7 @@ use dialoguer::theme::ColorfulTheme;
 use dialoguer::{Input, Select};
 use host_gen::machine::Feedback;
 use host_gen::machine::schema::schema;
-use host_gen::outline::{Mounts, Outline};
+use host_gen::model::template::{Mounts, Outline};
 
 use crate::failure::Failure;
 use crate::files::write_whole;

@@ -14,7 +14,7 @@ use crate::arguments::{Format, Several, criterion};
 use crate::failure::{Failure, in_study};
 use crate::files::write_whole;
 use crate::print;
-use crate::search::{Bar, full};
+use crate::search::{Bar, Searcher};
 
 #[derive(Args)]
 pub struct ReportArguments {
@@ -34,12 +34,12 @@ pub struct ReportArguments {
     criterion: Criterion,
 }
 
-pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
+pub fn report(arguments: &ReportArguments, searcher: &Searcher) -> Result<(), Failure> {
     let machines = arguments.several.load()?;
     let bar = Bar::search();
     let reports = machines
         .iter()
-        .map(|machine| Report::new(machine, arguments.criterion, &full(&bar)));
+        .map(|machine| Report::new(machine, arguments.criterion, &searcher.full(&bar)));
     let reports = reports.collect::<Result<Vec<_>, _>>();
     drop(bar);
     let of = in_study(&arguments.several.models[0]);

@@ -6,7 +6,7 @@ use host_gen::analysis::robustness::{RobustnessAnalysis, monte_carlo};
 use crate::arguments::Common;
 use crate::failure::{Failure, in_study};
 use crate::print;
-use crate::search::{Bar, design, study};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct RobustArguments {
@@ -20,7 +20,7 @@ pub struct RobustArguments {
     seed: Option<u64>,
 }
 
-pub fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
+pub fn robust(arguments: &RobustArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let study = study(model)?;
     // The search has its own: that of the file.
@@ -34,7 +34,7 @@ pub fn robust(arguments: &RobustArguments) -> Result<(), Failure> {
     if let Some(seed) = arguments.seed {
         settings.seed = seed;
     }
-    let design = design(model, &study)?;
+    let design = searcher.design(model, &study)?;
     let bar = Bar::of(settings.samples);
     let spread = monte_carlo(&study, &settings, &design.table, &design.bands, &bar);
     let spread = spread.map_err(in_study(model))?;

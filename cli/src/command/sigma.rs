@@ -8,7 +8,7 @@ use host_gen::machine::Machine;
 use crate::arguments::{Common, band};
 use crate::failure::{Failure, in_loop};
 use crate::print;
-use crate::search::{Bar, full};
+use crate::search::{Bar, Searcher};
 
 #[derive(Args)]
 pub struct SigmaArguments {
@@ -29,7 +29,7 @@ pub struct SigmaArguments {
     at: Vec<f64>,
 }
 
-pub fn sigma(arguments: &SigmaArguments) -> Result<(), Failure> {
+pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let frequencies = if arguments.at.is_empty() {
         let [low, high] = band(arguments.from, arguments.to)?;
@@ -42,7 +42,7 @@ pub fn sigma(arguments: &SigmaArguments) -> Result<(), Failure> {
         Frequencies::At(arguments.at.clone())
     };
     let machine = Machine::load(model)?;
-    let studies = DesignedStudy::by_feedback(&machine, &full(&Bar::search()))?;
+    let studies = DesignedStudy::by_feedback(&machine, &searcher.full(&Bar::search()))?;
     let sigma = SigmaAnalysis::new(&machine, &studies, frequencies);
     print::result(*format, &sigma.map_err(in_loop(model))?)
 }

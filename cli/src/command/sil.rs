@@ -10,7 +10,7 @@ use host_gen::simulate::SoftwareBoard;
 use shared::recorder::Record;
 
 use crate::failure::Failure;
-use crate::search::{design, study};
+use crate::search::{Searcher, study};
 
 #[derive(Args)]
 pub struct SilArguments {
@@ -30,7 +30,7 @@ const ROOM: usize = 16_384;
 /// Samples between two looks at the line: five milliseconds of 20 kHz.
 const BATCH: u32 = 100;
 
-pub fn sil(arguments: &SilArguments) -> Result<(), Failure> {
+pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure> {
     let failed = |error| Failure::Io {
         path: arguments.listen.clone(),
         what: "listened on",
@@ -39,7 +39,7 @@ pub fn sil(arguments: &SilArguments) -> Result<(), Failure> {
     let study = study(&arguments.model)?;
     let listener = TcpListener::bind(&arguments.listen).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
-    let table = design(&arguments.model, &study)?.table;
+    let table = searcher.design(&arguments.model, &study)?.table;
     let mut room = vec![Record::NONE; ROOM];
     let mut sil = SoftwareBoard::new(&study, &table, &mut room);
     // Whoever started this in the background waits for the line.

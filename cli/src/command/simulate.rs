@@ -9,7 +9,7 @@ use host_gen::simulate::run::{Comparison, compare};
 use crate::arguments::Common;
 use crate::failure::Failure;
 use crate::print;
-use crate::search::{design, study};
+use crate::search::{Searcher, study};
 
 #[derive(Args)]
 pub struct SimulateArguments {
@@ -26,7 +26,7 @@ pub struct SimulateArguments {
     floor_rms: Option<f64>,
 }
 
-pub fn simulate(arguments: &SimulateArguments) -> Result<(), Failure> {
+pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<(), Failure> {
     let model = &arguments.common.model;
     let study = study(model)?;
     // The search has its own: that of the file.
@@ -47,7 +47,7 @@ pub fn simulate(arguments: &SimulateArguments) -> Result<(), Failure> {
     if let Some(seed) = arguments.seed {
         settings.seed = seed;
     }
-    let design = design(model, &study)?;
+    let design = searcher.design(model, &study)?;
     let simulation = simulation(&study, &settings, &design);
     print::result(
         arguments.common.format,

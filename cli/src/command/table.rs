@@ -15,7 +15,7 @@ use crate::arguments::{Common, Format};
 use crate::failure::{Failure, in_loop};
 use crate::files::write_whole;
 use crate::print;
-use crate::search::{design, study};
+use crate::search::{Searcher, study};
 
 #[derive(Args)]
 pub struct TableArguments {
@@ -26,11 +26,11 @@ pub struct TableArguments {
     table: Option<PathBuf>,
 }
 
-pub fn generate(arguments: &TableArguments) -> Result<(), Failure> {
+pub fn generate(arguments: &TableArguments, searcher: &Searcher) -> Result<(), Failure> {
     let model = &arguments.common.model;
     let study = study(model)?;
     let path = table_path(arguments, study.machine())?;
-    let design = design(model, &study)?;
+    let design = searcher.design(model, &study)?;
     let simulation = simulation(&study, &study.machine().simulation, &design);
     write_whole(&path, emit(study.machine(), &design.table).as_bytes())?;
     let report = GenerateSummary::new(&study, design, path.display().to_string(), simulation);
@@ -52,11 +52,11 @@ impl Display for Checked {
     }
 }
 
-pub fn check(arguments: &TableArguments) -> Result<(), Failure> {
+pub fn check(arguments: &TableArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let study = study(model)?;
     let path = table_path(arguments, study.machine())?;
-    let design = design(model, &study)?;
+    let design = searcher.design(model, &study)?;
     let found = fs::read_to_string(&path).map_err(|error| Failure::Io {
         path: path.display().to_string(),
         what: "read",

@@ -26,6 +26,7 @@ use tokio::sync::watch;
 
 use crate::arguments::criterion;
 use crate::failure::{Failure, in_study};
+use crate::search::Searcher;
 
 #[derive(Args)]
 pub struct WatchArguments {
@@ -58,7 +59,7 @@ const LOOK: Duration = Duration::from_millis(200);
 /// saves often, and the browser draws first.
 const REST: Duration = Duration::from_secs(1);
 
-pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
+pub fn watch(arguments: &WatchArguments, searcher: &Searcher) -> Result<(), Failure> {
     let (send, shown) = watch::channel(Shown {
         number: 0,
         review: String::new(),
@@ -66,6 +67,7 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
     });
     let mut follower = Follower {
         arguments,
+        searcher,
         send,
         read: String::new(),
         pending: Pending::None,
@@ -98,6 +100,7 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
 /// Keeps the page as the file is.
 struct Follower<'a> {
     arguments: &'a WatchArguments,
+    searcher: &'a Searcher,
     send: watch::Sender<Shown>,
     /// The texts that were read last.
     read: String,
@@ -209,6 +212,7 @@ impl Follower<'_> {
                 .arg("report")
                 .arg(&self.arguments.model)
                 .args(["--format", "json", "--criterion", criterion])
+                .args(self.searcher.cache().is_none().then_some("--no-cache"))
                 .stdin(Stdio::null())
                 .stdout(json.try_clone()?)
                 .spawn()?;

@@ -7,3 +7,4 @@ pub mod energy;
 pub mod gravity;
 pub mod independence;
 pub mod multibody;
+pub mod template;

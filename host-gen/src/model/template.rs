@@ -8,9 +8,9 @@ use core::f64::consts::TAU;
 use core::fmt::{Display, Write as _};
 use std::path::Path;
 
-use crate::model::energy::{Kind, energies};
+use super::energy::{Kind, energies};
+use super::multibody::Multibody;
 use crate::machine::{Feedback, Machine, MachineError};
-use crate::model::multibody::Multibody;
 
 /// Number of mounts on the frame. There are six legs in all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
