@@ -491,6 +491,15 @@ fn wrong_type() {
     );
 }
 
+/// A byte order mark is no column of the first line.
+#[test]
+fn a_byte_order_mark() {
+    let text = model_text();
+    let start = text.find("format = 1").unwrap();
+    let text = format!("\u{feff}{}", &text[start..]).replace("format = 1", "format = 2");
+    assert_eq!(error_of(&text).place(), Some((1, 1)));
+}
+
 /// A name may have dots in it.
 #[test]
 fn a_dotted_name() {
