@@ -26,15 +26,25 @@ pub const BOARDS: [Board; 2] = [
     },
 ];
 
+/// The command that builds the emulated board's binaries, and the folder they are then in.
+pub fn building(board: &Board, tools: &Tools) -> (Command, PathBuf) {
+    let features = ["--no-default-features", "--features", "mps2"];
+    building_for(board.machine, board.cpu, &features, tools)
+}
+
 /// Builds the emulated board's binaries; gives the folder they are in.
 pub fn build(board: &Board, tools: &Tools) -> Outcome<PathBuf> {
-    let features = ["--no-default-features", "--features", "mps2"];
-    build_for(board.machine, board.cpu, &features, tools)
+    let (mut command, folder) = building(board, tools);
+    run(&mut command)?;
+    Ok(folder)
 }
 
 /// Builds the reference board's image; gives its path.
 pub fn build_reference(tools: &Tools) -> Outcome<PathBuf> {
-    Ok(build_for(REFERENCE, "cortex-m7", &["--bin", REFERENCE], tools)?.join(REFERENCE))
+    let arguments = ["--bin", REFERENCE];
+    let (mut command, folder) = building_for(REFERENCE, "cortex-m7", &arguments, tools);
+    run(&mut command)?;
+    Ok(folder.join(REFERENCE))
 }
 
 /// The reference board's image.
@@ -43,7 +53,7 @@ pub const REFERENCE: &str = "nucleo-h743";
 /// What probe-rs calls its processor.
 pub const CHIP: &str = "STM32H743ZITx";
 
-fn build_for(name: &str, cpu: &str, arguments: &[&str], tools: &Tools) -> Outcome<PathBuf> {
+fn building_for(name: &str, cpu: &str, arguments: &[&str], tools: &Tools) -> (Command, PathBuf) {
     // A folder per board, so that one does not rebuild the other.
     let folder = Path::new("target").join("boards").join(name);
     let mut command = cargo();
@@ -63,8 +73,7 @@ fn build_for(name: &str, cpu: &str, arguments: &[&str], tools: &Tools) -> Outcom
         )
         .env("DEFMT_LOG", "info");
     tools.apply(&mut command);
-    run(&mut command)?;
-    Ok(folder.join(TARGET).join("board"))
+    (command, folder.join(TARGET).join("board"))
 }
 
 /// The emulator with an image loaded, its console on ours.

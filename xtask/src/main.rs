@@ -4,6 +4,7 @@
 mod baseline;
 mod boards;
 mod size;
+mod steps;
 mod tools;
 
 use std::env;
@@ -14,6 +15,7 @@ use clap::{Args, Parser, Subcommand};
 
 use baseline::Baseline;
 use boards::{BOARDS, CHIP};
+use steps::{Step, Times};
 use tools::Tools;
 
 /// Every task of the project that is more than one cargo command.
@@ -26,17 +28,29 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Every test: host tests, checked-in tables, ten million bad frames, and the
-    /// firmware on both emulated boards.
-    Test(Setup),
+    /// Every test: host tests, the documentation's links and commands, the page in
+    /// Chromium, a million bad frames, and the firmware on both emulated boards.
+    Test {
+        #[command(flatten)]
+        setup: Setup,
+        /// The long forms too: 200,000 samples on each board under the compiled-in
+        /// tables, every pair of faults, ten million bad frames, the book.
+        #[arg(long)]
+        full: bool,
+    },
+    /// Before a commit, in less than a minute: format, lints, unit tests.
+    Quick,
     /// Processor in the loop: the firmware on emulated boards against the plant
     /// and the host's own step, code by code.
     Pil {
         #[command(flatten)]
         setup: Setup,
         /// Samples per board with the loop closed; a session comes on top.
-        #[arg(long, default_value_t = SAMPLES)]
+        #[arg(long, default_value_t = QUICK_SAMPLES)]
         samples: u32,
+        /// Under the compiled-in tables with their waits, not under those of a tenth.
+        #[arg(long)]
+        full: bool,
     },
     /// The firmware on an emulated Cortex-M7 with the simulated plant at its
     /// converters, its link on TCP for `host-gen link`, until it is stopped.
@@ -62,7 +76,7 @@ enum Task {
     /// The page of `host-gen report` and `watch` in Chromium: its charts, hover, moving
     /// modes; pictures in target/browser.
     Page(Setup),
-    /// The book: builds it, follows its links, runs its commands.
+    /// The documentation: follows its links, runs its commands, builds the book.
     Docs(Setup),
     /// How long singular values and the closed loop take, and beside them the
     /// same in NumPy and SciPy where there is a Python with them.
@@ -93,7 +107,15 @@ struct Setup {
 }
 
 /// Ten seconds of the 20 kHz loop.
-const SAMPLES: u32 = 200_000;
+const FULL_SAMPLES: u32 = 200_000;
+
+/// Enough for a shock that clamps, the recovery from it, and rounds of the pilot.
+const QUICK_SAMPLES: u32 = 30_000;
+
+const FULL_FRAMES: u32 = 10_000_000;
+
+/// Searches for controllers that any step has made are kept there for all.
+const CACHE: &str = "target/cache";
 
 const MODEL: &str = "models/metrology-frame.toml";
 
@@ -103,9 +125,6 @@ const CONTROLLED: [(&str, &str, u32); 2] = [
     (MODEL, "mps2", 1),
     ("models/both-sensors.toml", "mps2-both", 4),
 ];
-
-/// The reference board's machine, whose table is in the firmware too.
-const REFERENCE_MODEL: &str = "models/nucleo-h743.toml";
 
 /// What went wrong, ready to print.
 type Outcome<T> = Result<T, String>;
@@ -120,10 +139,13 @@ fn main() -> ExitCode {
         return ExitCode::FAILURE;
     }
     let outcome = match Cli::parse().task {
-        Task::Test(setup) => test(&setup),
-        Task::Pil { setup, samples } => {
-            Tools::find(!setup.no_install).and_then(|tools| pil(&tools, samples))
-        }
+        Task::Test { setup, full } => test(&setup, full),
+        Task::Quick => quick(),
+        Task::Pil {
+            setup,
+            samples,
+            full,
+        } => Tools::find(!setup.no_install).and_then(|tools| pil(&tools, samples, full)),
         Task::Emulate {
             setup,
             model,
@@ -157,64 +179,168 @@ fn main() -> ExitCode {
     }
 }
 
-fn test(setup: &Setup) -> Outcome<()> {
+fn test(setup: &Setup, full: bool) -> Outcome<()> {
     // First, so that a missing tool is known at once.
     let tools = Tools::find(!setup.no_install)?;
-    run(cargo().args(["test", "--workspace"]))?;
-    let emulated = CONTROLLED.map(|(model, ..)| model);
-    for model in emulated.into_iter().chain([REFERENCE_MODEL]) {
-        run(&mut host_gen(&["check", model]))?;
+    tools::chromium(!setup.no_install)?;
+    let mut times = Times::default();
+    let boards = BOARDS.iter().map(|board| boards::building(board, &tools).0);
+    times.run([
+        vec![
+            Step::new("build", [building()]),
+            Step::new("code's documentation", [documenting()]),
+        ],
+        vec![Step::new("build for boards", boards)],
+    ])?;
+    let samples = if full { FULL_SAMPLES } else { QUICK_SAMPLES };
+    let mut frames = built("frames");
+    let mut others = vec![Step::new("page in a browser", [page_command()])];
+    if full {
+        frames.args(["--frames", &FULL_FRAMES.to_string()]);
+        let mut pairs = built("host-gen");
+        pairs.args(["campaign", MODEL, "--pairs", "--format", "json"]);
+        others.push(Step::new("pairs of faults", [pairs]));
     }
-    run(cargo().args(["run", "--release", "--package", "tests", "--bin", "frames"]))?;
-    page(setup)?;
-    docs(setup)?;
-    pil(&tools, SAMPLES)
+    others.push(Step::new("bad frames", [frames]));
+    // The session on the host alone first: one that cannot pass is known in a second.
+    let alone = sessions(samples, full, None);
+    let boards = sessions(samples, full, Some(&tools));
+    times.run([
+        vec![
+            Step::new("session without boards", alone),
+            Step::new("processor in the loop", boards),
+        ],
+        vec![
+            Step::new("unit and integration tests", [testing()]),
+            Step::new("documents", [docs_command(None)?]),
+        ]
+        .into_iter()
+        .chain(others)
+        .collect(),
+    ])?;
+    if full {
+        book(setup)?;
+    }
+    times.print();
+    Ok(())
+}
+
+fn quick() -> Outcome<()> {
+    let mut format = cargo();
+    format.args(["fmt", "--all", "--check"]);
+    let mut lints = cargo();
+    lints.args([
+        "clippy",
+        "--release",
+        "--workspace",
+        "--all-targets",
+        "--locked",
+    ]);
+    lints.args(["--", "-D", "warnings"]);
+    let mut tests = cargo();
+    tests.args(["test", "--release", "--workspace", "--lib", "--locked"]);
+    for mut command in [format, lints, tests] {
+        run(&mut command)?;
+    }
+    Ok(())
+}
+
+/// Everything for the host, programs and tests: the same packages in every step, so that
+/// nothing is compiled twice with other features.
+fn building() -> Command {
+    let mut command = testing();
+    command.arg("--no-run");
+    command
+}
+
+fn testing() -> Command {
+    let mut command = cargo();
+    command.args(["test", "--release", "--workspace", "--locked"]);
+    command
+}
+
+fn documenting() -> Command {
+    let mut command = cargo();
+    command.args(["doc", "--release", "--workspace", "--no-deps", "--quiet"]);
+    // As in .ci/run, or it would be made twice.
+    command.arg("--locked").env("RUSTDOCFLAGS", "-D warnings");
+    command
+}
+
+/// A program that [`building`] has built.
+fn built(name: &str) -> Command {
+    Command::new(Path::new("target/release").join(name))
 }
 
 /// The report's page in a browser.
 fn page(setup: &Setup) -> Outcome<()> {
     tools::chromium(!setup.no_install)?;
-    run(cargo().args(["build", "--release", "--package", "host-gen"]))?;
-    let mut command = cargo();
-    command.args(["run", "--release", "--package", "tests", "--bin", "browser"]);
-    run(command.args(["--", "--browser", tools::CHROMIUM]))
+    run(&mut building())?;
+    run(&mut page_command())
 }
 
-/// The book, its links and its commands.
+fn page_command() -> Command {
+    let [browser, driver] = tools::CHROMIUM;
+    let mut command = built("browser");
+    command.args(["--browser", browser, "--driver", driver]);
+    command
+}
+
+/// The documentation, its links and its commands, and the book.
 fn docs(setup: &Setup) -> Outcome<()> {
-    let mdbook = tools::mdbook(!setup.no_install)?;
-    run(cargo().args(["doc", "--workspace", "--no-deps", "--quiet"]))?;
-    run(Command::new(mdbook).args(["build", "docs"]))?;
-    run(cargo().args(["build", "--release", "--package", "host-gen"]))?;
-    let own = env::current_exe().map_err(|error| format!("this program is gone: {error}"))?;
-    let mut command = cargo();
-    command.args(["run", "--release", "--package", "tests", "--bin", "docs"]);
-    run(command.arg("--").arg("--xtask").arg(own))?;
+    run(&mut building())?;
+    run(&mut documenting())?;
+    book(setup)?;
     println!("target/book/index.html");
     Ok(())
 }
 
-fn pil(tools: &Tools, samples: u32) -> Outcome<()> {
-    let session = |model: &str, part: u32| {
-        let mut command = cargo();
-        command.args(["run", "--release", "--package", "tests", "--bin", "pil"]);
-        command.args(["--", "--model", model]);
-        command.args(["--samples", &(samples / part).to_string()]);
-        command
-    };
-    // Without boards first: a session that cannot pass is known in a second.
-    for (model, _, part) in CONTROLLED {
-        run(&mut session(model, part))?;
+/// Builds the book, and holds the documentation against it.
+fn book(setup: &Setup) -> Outcome<()> {
+    let mdbook = tools::mdbook(!setup.no_install)?;
+    run(Command::new(mdbook).args(["build", "docs"]))?;
+    run(&mut docs_command(Some("target/book"))?)
+}
+
+fn docs_command(book: Option<&str>) -> Outcome<Command> {
+    let own = env::current_exe().map_err(|error| format!("this program is gone: {error}"))?;
+    let mut command = built("docs");
+    command.arg("--xtask").arg(own);
+    if let Some(book) = book {
+        command.args(["--book", book]);
     }
-    for (model, image, part) in CONTROLLED {
-        let mut command = session(model, part);
-        for board in &BOARDS {
-            let image = boards::build(board, tools)?.join(image);
-            command.arg("--board").arg(board.machine).arg(image);
-        }
-        run(&mut command)?;
+    Ok(command)
+}
+
+fn pil(tools: &Tools, samples: u32, full: bool) -> Outcome<()> {
+    run(&mut building())?;
+    for board in &BOARDS {
+        boards::build(board, tools)?;
+    }
+    let sessions = |tools| sessions(samples, full, tools);
+    for mut session in sessions(None).into_iter().chain(sessions(Some(tools))) {
+        run(&mut session)?;
     }
     Ok(())
+}
+
+/// A session of each machine, on the host alone or, with `tools`, on both boards.
+fn sessions(samples: u32, full: bool, tools: Option<&Tools>) -> Vec<Command> {
+    let session = |(model, image, part): (&str, &str, u32)| {
+        let mut command = built("pil");
+        command.args(["--model", model]);
+        command.args(["--samples", &(samples / part).to_string()]);
+        if !full {
+            command.arg("--quick");
+        }
+        for (board, tools) in BOARDS.iter().zip(tools.into_iter().cycle()) {
+            let (_, folder) = boards::building(board, tools);
+            let image = folder.join(image);
+            command.arg("--board").arg(board.machine).arg(image);
+        }
+        command
+    };
+    CONTROLLED.map(session).into()
 }
 
 fn flash(tools: &Tools) -> Outcome<()> {
@@ -234,9 +360,9 @@ fn emulate(tools: &Tools, model: &str, listen: &str) -> Outcome<()> {
         ));
     };
     let image = boards::build(board, tools)?.join(image);
-    let mut command = cargo();
-    command.args(["run", "--release", "--package", "tests", "--bin", "pil"]);
-    command.args(["--", "--model", model, "--listen", listen]);
+    run(&mut building())?;
+    let mut command = built("pil");
+    command.args(["--model", model, "--listen", listen]);
     command.arg("--board").arg(board.machine).arg(image);
     run(&mut command)
 }
@@ -279,7 +405,13 @@ fn bench(tools: &Tools, update: bool) -> Outcome<()> {
 }
 
 fn speed() -> Outcome<()> {
-    run(cargo().args(["bench", "--package", "tests", "--bench", "speed"]))?;
+    // Not the profile of the tests, which checks its arithmetic.
+    let mut bench = cargo();
+    bench.args(["bench", "--package", "tests", "--bench", "speed"]);
+    for check in ["DEBUG_ASSERTIONS", "OVERFLOW_CHECKS"] {
+        bench.env(format!("CARGO_PROFILE_BENCH_{check}"), "false");
+    }
+    run(&mut bench)?;
     if !python_has("numpy, scipy") {
         println!("no python3 with NumPy and SciPy here: nothing beside it");
         return Ok(());
@@ -345,6 +477,10 @@ fn cargo() -> Command {
 fn run(command: &mut Command) -> Outcome<()> {
     let program = command.get_program().to_string_lossy().into_owned();
     let status = command
+        .env(
+            "HOST_GEN_CACHE",
+            env::current_dir().map_or_else(|_| PathBuf::from(CACHE), |root| root.join(CACHE)),
+        )
         .status()
         .map_err(|error| format!("{program} cannot be started: {error}"))?;
     if status.success() {

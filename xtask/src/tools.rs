@@ -97,29 +97,26 @@ impl Tools {
     }
 }
 
-/// Where Debian puts its browser.
-pub const CHROMIUM: &str = "/usr/bin/chromium";
+/// Where Debian puts its browser, and what drives it.
+pub const CHROMIUM: [&str; 2] = ["/usr/bin/chromium", "/usr/bin/chromedriver"];
 
-/// Chromium; installs it from Debian's packages if `install`.
+/// Chromium and its driver; installs them from Debian's packages if `install`.
 pub fn chromium(install: bool) -> Outcome<()> {
-    if Path::new(CHROMIUM).is_file() {
+    const PACKAGES: [&str; 2] = ["chromium", "chromium-driver"];
+    if CHROMIUM.iter().all(|program| Path::new(program).is_file()) {
         return Ok(());
     }
+    let packages = PACKAGES.join(" ");
     if !install {
-        return Err(
-            "missing: chromium (a Debian package). Install it with apt-get install --no-install-recommends chromium, or leave out --no-install"
-                .to_owned(),
-        );
+        return Err(format!(
+            "missing: {packages} (Debian packages). Install them with apt-get install --no-install-recommends {packages}, or leave out --no-install"
+        ));
     }
-    println!("installing from Debian: chromium");
+    println!("installing from Debian: {packages}");
     apt(&["update", "--quiet"])?;
-    apt(&[
-        "install",
-        "--quiet",
-        "--yes",
-        "--no-install-recommends",
-        "chromium",
-    ])
+    let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
+    arguments.extend(PACKAGES);
+    apt(&arguments)
 }
 
 /// mdBook: the one on the path, else one that cargo builds here.

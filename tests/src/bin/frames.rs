@@ -16,7 +16,7 @@ use shared::link::{Answer, Cutter, Packet, Reply, Request, Server, VERSION, enco
 #[derive(Parser)]
 struct Cli {
     /// How many.
-    #[arg(long, default_value_t = 10_000_000)]
+    #[arg(long, default_value_t = 1_000_000)]
     frames: u64,
     /// Of the random numbers.
     #[arg(long, default_value_t = 1)]

@@ -7,6 +7,9 @@
 //! link is on TCP for whoever comes. Otherwise a whole session: identity,
 //! self-test, injection, recording, soft start, closed loop with shocks, a fault, safe
 //! state, snapshot, clearing, restart, another table.
+//!
+//! With `--quick` the other table comes first and is the one that the session runs
+//! under: as the compiled-in one, but tested, settled and ramped in a tenth of the time.
 
 #![forbid(unsafe_code)]
 
@@ -32,7 +35,7 @@ use shared::injection::{Injection, Signal};
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recording, Trigger};
 use shared::supervisor::{Cause, Mode};
-use shared::table::{Limits, TABLE_ROOM};
+use shared::table::{Limits, TABLE_ROOM, Table, ValidTable};
 use tempfile::TempDir;
 
 /// Runs the firmware on emulated boards against the simulated plant.
@@ -45,6 +48,10 @@ struct Cli {
     /// top.
     #[arg(long, default_value_t = 200_000)]
     samples: u32,
+    /// The session under a table that is sent first, which tests, settles and ramps in
+    /// a tenth of the time; the compiled-in one runs before and after it.
+    #[arg(long)]
+    quick: bool,
     /// No session: one board runs until it is stopped, its link at this address.
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<String>,
@@ -92,7 +99,7 @@ fn run(cli: &Cli) -> Outcome<bool> {
         return Err(format!("the firmware has no table of {name}").into());
     };
     if cli.board.is_empty() {
-        let count = in_the_loop(&study, entry, cli.samples, "host", None)?;
+        let count = in_the_loop(&study, entry, cli, "host", None)?;
         println!(
             "{name} on the host alone: {} samples, {} answers, clamp active in {}; {:.0} s",
             count.samples, count.answers, count.clamped, count.seconds
@@ -114,7 +121,7 @@ fn run(cli: &Cli) -> Outcome<bool> {
                 let study = &study;
                 scope.spawn(move || {
                     let image = Path::new(&board[1]);
-                    in_the_loop(study, entry, cli.samples, &board[0], Some(image))
+                    in_the_loop(study, entry, cli, &board[0], Some(image))
                 })
             })
             .collect();
@@ -178,7 +185,7 @@ struct Count {
 fn in_the_loop(
     study: &Study,
     entry: &'static Entry,
-    samples: u32,
+    cli: &Cli,
     machine: &str,
     image: Option<&Path>,
 ) -> Outcome<Count> {
@@ -201,10 +208,12 @@ fn in_the_loop(
         count: Count::default(),
         stuck: None,
     };
-    session.run(samples)?;
-    let clamped = session.report()?.clamped;
+    if cli.quick {
+        session.quick(cli.samples)?;
+    } else {
+        session.long(cli.samples)?;
+    }
     let mut count = session.count;
-    count.clamped = clamped;
     count.seconds = start.elapsed().as_secs_f64();
     Ok(count)
 }
@@ -224,12 +233,54 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    fn run(&mut self, samples: u32) -> Outcome<()> {
+    /// All of it under a table with short waits, and a little under the compiled-in one.
+    fn quick(&mut self, samples: u32) -> Outcome<()> {
+        self.hello()?;
+        let mut table = self.table()?;
+        let supervision = &mut table.supervision;
+        supervision.ramp = supervision.ramp.powi(10);
+        supervision.settle /= 10;
+        supervision.safe_ramp /= 10;
+        let test = &mut table.self_test;
+        (test.settle, test.measure, test.watch) =
+            (test.settle / 10, test.measure / 10, test.watch / 10);
+        self.send(table.validate()?)?;
+        self.whole(samples)?;
+        self.stop_and_forget()?;
+        // The compiled-in table is back: the first leg's test.
+        self.done(&Request::SelfTest)?;
+        self.samples(2500)
+    }
+
+    /// All of it under the compiled-in table, and a little under another.
+    fn long(&mut self, samples: u32) -> Outcome<()> {
+        self.hello()?;
+        self.whole(samples)?;
+        self.stop()?;
+        // Another only in how long it settles.
+        let mut table = self.table()?;
+        table.supervision.settle /= 2;
+        self.send(table.validate()?)?;
+        self.done(&Request::SelfTest)?;
+        self.until(|mode| mode != Mode::Testing, Mode::Idle)?;
+        self.done(&Request::Start)?;
+        self.samples(2000)?;
+        self.stop_and_forget()
+    }
+
+    /// Who is there.
+    fn hello(&mut self) -> Outcome<()> {
         self.samples(100)?;
         self.expect(&Request::Hello(7), |reply| *reply == Reply::Hello)?;
-        self.expect(&Request::Identity, |reply| {
-            matches!(reply, Reply::Identity(_))
-        })?;
+        self.expect(
+            &Request::Identity,
+            |reply| matches!(reply, Reply::Identity(identity) if !identity.sent),
+        )
+    }
+
+    /// From power-up to a second start after a fault, `samples` of it with the loop
+    /// closed.
+    fn whole(&mut self, samples: u32) -> Outcome<()> {
         let refused = |why| move |reply: &Reply| *reply == Reply::Refused(why);
         self.expect(&Request::Start, refused(Refusal::Mode))?;
         self.expect(&Request::SetGain(f32::NAN), refused(Refusal::Range))?;
@@ -274,7 +325,8 @@ impl Session<'_> {
         if let Some(fault) = self.report()?.fault {
             return Err(format!("the loop opened by itself: {fault:?}").into());
         }
-        if samples >= 30_000 && self.report()?.clamped == 0 {
+        self.count.clamped = self.report()?.clamped;
+        if samples >= 30_000 && self.count.clamped == 0 {
             return Err("the run was to hold clamped samples".into());
         }
 
@@ -293,18 +345,16 @@ impl Session<'_> {
         self.until(|mode| mode != Mode::Testing, Mode::Idle)?;
         self.done(&Request::Start)?;
         self.samples(2000)?;
-        self.done(&Request::Stop)?;
-        self.until(|mode| mode != Mode::Stopping, Mode::Idle)?;
-        self.expect(&Request::Report, |reply| matches!(reply, Reply::Report(_)))?;
-        self.another_table()
+        self.expect(&Request::Report, |reply| matches!(reply, Reply::Report(_)))
     }
 
-    /// A table over the link, another only in how long it settles: kept, run, forgotten.
-    fn another_table(&mut self) -> Outcome<()> {
-        let table = self.host.with(|controller| *controller.table());
-        let mut table = *table.ok_or("no table")?.get();
-        table.supervision.settle /= 2;
-        let table = table.validate()?;
+    fn stop(&mut self) -> Outcome<()> {
+        self.done(&Request::Stop)?;
+        self.until(|mode| mode != Mode::Stopping, Mode::Idle)
+    }
+
+    /// A table over the link, kept from then on; not if a bit of it is lost.
+    fn send(&mut self, table: ValidTable) -> Outcome<()> {
         let mut room = [0; TABLE_ROOM];
         let bytes = table.encode(&mut room).ok_or("a table that is too long")?;
         for (at, piece) in (0..).step_by(256).zip(bytes.chunks(256)) {
@@ -318,20 +368,25 @@ impl Session<'_> {
         self.expect(&Request::Identity, |reply| {
             matches!(reply, Reply::Identity(identity)
                 if identity.sent && identity.checksum == table.checksum())
-        })?;
-        self.done(&Request::SelfTest)?;
-        self.until(|mode| mode != Mode::Testing, Mode::Idle)?;
-        self.done(&Request::Start)?;
-        self.samples(2000)?;
+        })
+    }
+
+    /// Not while the legs are driven; then the compiled-in table is back.
+    fn stop_and_forget(&mut self) -> Outcome<()> {
         let mode = Refusal::Mode;
         self.expect(&Request::Forget, |reply| *reply == Reply::Refused(mode))?;
-        self.done(&Request::Stop)?;
-        self.until(|mode| mode != Mode::Stopping, Mode::Idle)?;
+        self.stop()?;
         self.done(&Request::Forget)?;
         self.expect(
             &Request::Identity,
             |reply| matches!(reply, Reply::Identity(identity) if !identity.sent),
         )
+    }
+
+    /// The table that runs.
+    fn table(&self) -> Outcome<Table> {
+        let table = self.host.with(|controller| *controller.table());
+        Ok(*table.ok_or("no table")?.get())
     }
 
     fn report(&self) -> Outcome<ControllerReport> {

@@ -3,21 +3,16 @@
 //! model says, and the watched page follows its file.
 #![forbid(unsafe_code)]
 
-use std::ffi::OsStr;
+mod webdriver;
+
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Parser;
-use headless_chrome::browser::tab::point::Point;
-use headless_chrome::protocol::cdp::Log::LogEntryLevel;
-use headless_chrome::protocol::cdp::Page::CaptureScreenshotFormatOption;
-use headless_chrome::protocol::cdp::types::Event;
-use headless_chrome::{Browser, LaunchOptions, Tab};
 use host_gen::machine::Machine;
 use host_gen::report::chart::Chart;
 use host_gen::report::page::page;
@@ -25,6 +20,7 @@ use host_gen::report::{Report, Review};
 use host_gen::spectrum::Criterion;
 use host_gen::study::Study;
 use serde_json::Value;
+use webdriver::Browser;
 
 /// Looks at the page of `host-gen report` and `host-gen watch` in Chromium.
 #[derive(Parser)]
@@ -32,6 +28,9 @@ struct Cli {
     /// The browser.
     #[arg(long, default_value = "/usr/bin/chromium")]
     browser: PathBuf,
+    /// What drives it.
+    #[arg(long, default_value = "/usr/bin/chromedriver")]
+    driver: PathBuf,
     /// The program whose `watch` is looked at.
     #[arg(long, default_value = "target/release/host-gen")]
     host_gen: PathBuf,
@@ -56,26 +55,7 @@ fn main() -> Result<()> {
 fn run(cli: &Cli) -> Result<()> {
     fs::create_dir_all(&cli.pictures)?;
     let folder = tempfile::tempdir()?;
-    let browser = Browser::new(LaunchOptions {
-        path: Some(cli.browser.clone()),
-        sandbox: false,
-        window_size: Some((1280, 1000)),
-        idle_browser_timeout: 4 * PATIENCE,
-        // Drawing in 3D without a graphics card; nothing but the page.
-        args: [
-            "--enable-unsafe-swiftshader",
-            "--disable-quic",
-            "--no-first-run",
-            "--disable-background-networking",
-            "--disable-component-update",
-            "--disable-sync",
-            // Containers have little of it.
-            "--disable-dev-shm-usage",
-        ]
-        .map(OsStr::new)
-        .to_vec(),
-        ..LaunchOptions::default()
-    })?;
+    let browser = Browser::start(&cli.driver, &cli.browser)?;
 
     let machine = Machine::load(Path::new(MODEL))?;
     let report = |machine| Report::new(machine, Criterion::VcC, &|| {});
@@ -87,14 +67,23 @@ fn run(cli: &Cli) -> Result<()> {
     seen.done(&cli.pictures, "report")?;
     println!("one machine: charts, hover, modes: as they should be");
 
-    let other = Machine::load(Path::new(OTHER))?;
-    let both = Review::new(vec![report(&machine)?, report(&other)?])?;
+    let [one, other] = [MODEL, OTHER].map(|model| direct(folder.path(), model));
+    let both = Review::new(vec![report(&one?)?, report(&other?)?])?;
     let seen = Seen::open(&browser, &write(folder.path(), "two.html", &both)?)?;
     seen.side_by_side(&both)?;
     seen.done(&cli.pictures, "side-by-side")?;
     println!("two machines: side by side as they should be");
 
     watched(&browser, cli, folder.path())
+}
+
+/// A machine under the direct law, whose search is short and whose page is the same.
+fn direct(folder: &Path, model: &str) -> Result<Machine> {
+    let based_on = fs::canonicalize(model)?;
+    let path = folder.join(Path::new(model).file_name().context("a model has a name")?);
+    let text = format!("based_on = {based_on:?}\n[control]\nlaw = \"direct\"\n");
+    fs::write(&path, text)?;
+    Ok(Machine::load(&path)?)
 }
 
 fn write(folder: &Path, name: &str, review: &Review) -> Result<String> {
@@ -113,45 +102,21 @@ fn charts(review: &Review) -> Vec<&Chart> {
     pictures.map(|(_, chart)| chart).filter(drawn).collect()
 }
 
-/// A page in the browser, and what went wrong on it.
-struct Seen {
-    tab: Arc<Tab>,
-    errors: Arc<Mutex<Vec<String>>>,
+/// A page in the browser.
+struct Seen<'a> {
+    browser: &'a Browser,
 }
 
-impl Seen {
-    fn open(browser: &Browser, url: &str) -> Result<Self> {
-        let tab = browser.new_tab()?;
-        tab.set_default_timeout(Duration::from_secs(60));
-        let errors = Arc::new(Mutex::new(Vec::new()));
-        let heard = Arc::clone(&errors);
-        tab.enable_runtime()?;
-        tab.enable_log()?;
-        tab.add_event_listener(Arc::new(move |event: &Event| {
-            let text = match event {
-                Event::RuntimeExceptionThrown(thrown) => {
-                    format!("{:?}", thrown.params.exception_details)
-                }
-                Event::RuntimeConsoleAPICalled(call) => format!("{:?}", call.params),
-                // The graphics driver warns that taking pictures is slow.
-                Event::LogEntryAdded(entry) if entry.params.entry.level == LogEntryLevel::Error => {
-                    format!("{:?}", entry.params.entry)
-                }
-                _ => return,
-            };
-            if let Ok(mut heard) = heard.lock() {
-                heard.push(text);
-            }
-        }))?;
-        tab.navigate_to(url)?;
-        let seen = Self { tab, errors };
+impl<'a> Seen<'a> {
+    fn open(browser: &'a Browser, url: &str) -> Result<Self> {
+        browser.open(url)?;
+        let seen = Self { browser };
         seen.until("document.querySelectorAll('#gallery img').length > 0")?;
         Ok(seen)
     }
 
     fn ask(&self, expression: &str) -> Result<Value> {
-        let answer = self.tab.evaluate(expression, true)?;
-        Ok(answer.value.unwrap_or(Value::Null))
+        self.browser.ask(expression)
     }
 
     fn number(&self, expression: &str) -> Result<f64> {
@@ -170,10 +135,9 @@ impl Seen {
             }
             std::thread::sleep(Duration::from_millis(25));
         }
-        let errors = self.errors.lock().map(|errors| errors.join("\n"));
         bail!(
-            "it never came to this: {expression}\n{}",
-            errors.unwrap_or_default()
+            "it never came to this: {expression}\n{:?}",
+            self.browser.errors()?
         )
     }
 
@@ -223,11 +187,7 @@ impl Seen {
         )?;
         let [x, y, hz, db]: [f64; 4] = serde_json::from_str(spot.as_str().context("no text")?)?;
         // From the side, as a hand would.
-        self.tab.move_mouse_to_point(Point {
-            x: x - 40.0,
-            y: y + 60.0,
-        })?;
-        self.tab.move_mouse_to_point(Point { x, y })?;
+        self.browser.mouse(&[[x - 40.0, y + 60.0], [x, y]])?;
         self.until("document.querySelector('[data-chart=sigma] .hoverlayer .hovertext') !== null")?;
         let text =
             self.ask("document.querySelector('[data-chart=sigma] .hovertext').textContent")?;
@@ -288,13 +248,15 @@ impl Seen {
         self.ask("document.querySelector('.tabs [data-machine=\"1\"]').click()")?;
         self.until("document.querySelectorAll('#gallery img').length > 0")?;
         let shown = self.ask("document.querySelector('#file summary').textContent")?;
-        ensure!(shown == OTHER, "the file shown is {shown}");
+        let name = Path::new(OTHER).file_name().and_then(|name| name.to_str());
+        let other = shown.as_str().zip(name);
+        let other = other.is_some_and(|(shown, name)| shown.ends_with(name));
+        ensure!(other, "the file shown is {shown}");
         Ok(())
     }
 
     fn picture(&self, folder: &Path, name: &str) -> Result<()> {
-        let png = CaptureScreenshotFormatOption::Png;
-        let picture = self.tab.capture_screenshot(png, None, None, true)?;
+        let picture = self.browser.picture()?;
         Ok(fs::write(folder.join(name).with_extension("png"), picture)?)
     }
 
@@ -304,13 +266,8 @@ impl Seen {
         self.picture(pictures, name)?;
         let asked = self.ask("JSON.stringify(performance.getEntriesByType('resource').map((r) => r.name).filter((n) => !n.startsWith('data:') && !n.startsWith('blob:')))")?;
         ensure!(asked == "[]", "it asked for {asked}");
-        let errors = self
-            .errors
-            .lock()
-            .map_err(|_| anyhow::anyhow!("a listener panicked"))?;
+        let errors = self.browser.errors()?;
         ensure!(errors.is_empty(), "the console says {errors:?}");
-        drop(errors);
-        self.tab.close(false)?;
         Ok(())
     }
 }
@@ -328,6 +285,7 @@ impl Drop for Watched {
 fn watched(browser: &Browser, cli: &Cli, folder: &Path) -> Result<()> {
     let model = folder.join("watched.toml");
     let text = fs::read_to_string(MODEL)?;
+    let text = text.replace("[control]\n", "[control]\nlaw = \"direct\"\n");
     fs::write(&model, &text)?;
     let mut process = Command::new(&cli.host_gen);
     process

@@ -1,10 +1,8 @@
 //! The sampled plant and loop against second methods.
 
-mod common;
-
 use core::f64::consts::TAU;
 
-use common::{edited, encirclements, frame, study};
+use crate::common::{edited, encirclements, frame, looped, looped_frame, searched, study};
 use host_gen::closed_loop::{LoopGrid, SampledLoop, stable};
 use host_gen::law::LinearLaw;
 use host_gen::linear::largest_singular_value;
@@ -166,10 +164,9 @@ fn corner_of(shaped: &Shaped) -> f64 {
 /// where they say the opposite.
 #[test]
 fn stability_by_nyquist() {
-    let study = frame();
-    let (_, shaped) = study.table().unwrap();
+    let (study, _, shaped) = looped_frame();
     for (corner, expected) in [
-        (corner_of(&shaped), true),
+        (corner_of(shaped), true),
         (2.0, true),
         (2.6, false),
         (5.0, false),
@@ -191,7 +188,7 @@ fn stability_by_nyquist() {
         let unstable = poles.iter().filter(|s| s.re >= 0.0).count();
         assert_eq!(stable(&poles), expected, "{corner} Hz");
         assert_eq!(
-            encirclements(&study, &law).unsigned_abs() as usize,
+            encirclements(study, &law).unsigned_abs() as usize,
             unstable,
             "{corner} Hz"
         );
@@ -202,8 +199,7 @@ fn stability_by_nyquist() {
 /// search's, and a corner 3 % higher breaks it.
 #[test]
 fn the_corner_is_the_highest_within_the_bound() {
-    let study = frame();
-    let (table, shaped) = study.table().unwrap();
+    let (study, table, shaped) = looped_frame();
     let worst = |law: &LinearLaw| {
         let to = study.design.modal.transpose().map(Complex::from);
         let from = to.try_inverse().unwrap();
@@ -224,7 +220,7 @@ fn the_corner_is_the_highest_within_the_bound() {
         }
         worst
     };
-    let chosen = worst(&LinearLaw::new(&table));
+    let chosen = worst(&LinearLaw::new(table));
     assert!(chosen <= 2.0 && chosen > 1.99, "{chosen}");
     let found = shaped.peak_sensitivity;
     let elsewhere = found.at_legs.max(found.at_sensors) / 1.5;
@@ -234,7 +230,7 @@ fn the_corner_is_the_highest_within_the_bound() {
         &study.plant,
         &study.machine.target,
         &study.gains,
-        1.03 * corner_of(&shaped),
+        1.03 * corner_of(shaped),
     )
     .unwrap();
     assert!(worst(&LinearLaw::new(&higher)) > 2.0);
@@ -328,23 +324,24 @@ fn rms_in_time_is_rms_from_spectra() {
 fn unreachable_targets_name_the_nearest() {
     for (frequency, damping) in [(0.5, 0.7), (0.1, 0.7), (0.3, 0.2)] {
         let edits = |f: f64| {
-            study(&edited(&[
+            let text = edited(&[
                 ("control.frequency", &format!("{f:?}")),
                 ("control.damping", &format!("{damping:?}")),
-            ]))
+            ]);
+            &searched(&text).1
         };
-        let error = edits(frequency).table().unwrap_err();
+        let error = edits(frequency).as_ref().unwrap_err();
         let ShapingError::Unreachable {
             nearest: Nearest::At(nearest),
             ..
-        } = error
+        } = *error
         else {
             panic!("{error}");
         };
         assert!(nearest > frequency);
         // It can be reached, and a little less cannot.
-        edits(nearest).table().unwrap();
-        assert!(edits(0.95 * nearest).table().is_err());
+        assert!(edits(nearest).is_ok());
+        assert!(edits(0.95 * nearest).is_err());
     }
     let hopeless = study(&edited(&[("control.damping", "30.0")]))
         .table()
@@ -378,11 +375,10 @@ fn other_boards() {
             ("board.output_delay", "5e-6"),
         ],
     ] {
-        let study = study(&edited(&edits));
-        let (table, shaped) = study.table().unwrap();
-        let law = LinearLaw::new(&table);
+        let (study, table, shaped) = looped(&edited(&edits));
+        let law = LinearLaw::new(table);
         assert!(shaped.peak_sensitivity.value <= study.machine.target.max_sensitivity);
-        assert_eq!(encirclements(&study, &law), 0, "{edits:?}");
+        assert_eq!(encirclements(study, &law), 0, "{edits:?}");
         let closed = SampledLoop {
             plant: &study.plant,
             law,

@@ -1,12 +1,10 @@
 //! Machine files from a few numbers, and the schema that editors check them by.
 
-mod common;
-
 use core::f64::consts::TAU;
 use std::fs;
 use std::path::Path;
 
-use common::{model_path, model_text};
+use crate::common::{model_path, model_text};
 use host_gen::machine::schema::schema;
 use host_gen::machine::{Feedback, Machine};
 use host_gen::outline::{Mounts, Outline};

@@ -1,12 +1,10 @@
 //! The commands as a user types them.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::edited;
+use crate::common::edited;
 
 fn host_gen(arguments: &[&str], folder: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_host-gen"))

@@ -1,8 +1,6 @@
 //! One clear error each, naming the entry and its line.
 
-mod common;
-
-use common::{model_text, parse};
+use crate::common::{model_text, parse};
 use host_gen::machine::MachineError;
 use host_gen::study::Study;
 use proptest::prelude::*;
@@ -255,7 +253,7 @@ fn dependent_floor() {
 /// The coordinates are those of one leg, so that they are not to blame.
 #[test]
 fn singular_actuators() {
-    let text = common::edited(&[
+    let text = crate::common::edited(&[
         ("nodes.n9", "[0.0, 0.7, -0.2]"),
         ("nodes.n11", "[0.0, 0.3, -0.2]"),
         ("nodes.n13", "[-0.606217782649107, -0.35, -0.2]"),

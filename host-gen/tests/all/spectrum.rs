@@ -1,10 +1,8 @@
 //! Floors, spectra and the budget against formulas and against the simulation.
 
-mod common;
-
 use core::f64::consts::TAU;
 
-use common::{edited, frame, study};
+use crate::common::{edited, frame, looped};
 use host_gen::machine::Simulation;
 use host_gen::simulation::run;
 use host_gen::spectrum::{Criterion, Floor, budget};
@@ -87,8 +85,8 @@ fn resonances_are_integrated() {
 #[test]
 fn the_budget_is_what_the_simulation_shows() {
     for source in 0..4 {
-        let mut study = study(&edited(&[("damping.modal", "0.1")]));
-        let (table, _) = study.table().unwrap();
+        let (study, table, _) = looped(&edited(&[("damping.modal", "0.1")]));
+        let mut study = study.clone();
         let settings = Simulation {
             duration: 40.0,
             settling: 20.0,
@@ -112,8 +110,8 @@ fn the_budget_is_what_the_simulation_shows() {
                 .map(|hz| (hz, settings.floor_rms * shape(hz) / total.sqrt()))
                 .collect(),
         );
-        let budget = budget(&study.plant, board, Some(&table), &floor, [0.3, 9000.0]).unwrap();
-        let run = run(&study.plant, board, &settings, &table, true);
+        let budget = budget(&study.plant, board, Some(table), &floor, [0.3, 9000.0]).unwrap();
+        let run = run(&study.plant, board, &settings, table, true);
         assert_eq!(
             run.clamped_steps, 0,
             "source {source}, {} N",

@@ -1,12 +1,10 @@
 //! Machines other than the paper's: closed forms, published platforms, and
 //! random ones.
 
-mod common;
-
 use core::f64::consts::TAU;
 use std::fmt::Write as _;
 
-use common::{model_text, set, study};
+use crate::common::{model_text, set, study};
 use host_gen::design::ideal_poles;
 use host_gen::plant::Plant;
 use host_gen::study::Study;
@@ -216,7 +214,7 @@ fn cantilever() {
 /// file's y.
 #[test]
 fn signs_of_deformations() {
-    let study = common::frame();
+    let study = crate::common::frame();
     let (machine, model) = (&study.machine, &study.model);
     let beam = machine
         .beams

@@ -1,13 +1,17 @@
 //! Machines for the tests: the metrology frame and edits of it.
-#![allow(dead_code, reason = "each test file uses its part")]
+#![allow(dead_code, reason = "each test program uses its part")]
 
 use core::f64::consts::TAU;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock};
 
 use host_gen::law::LinearLaw;
 use host_gen::machine::{Machine, MachineError};
+use host_gen::shaping::{Shaped, ShapingError};
 use host_gen::study::Study;
 use nalgebra::Matrix6;
+use shared::table::ValidTable;
 use toml::{Table, Value};
 
 pub fn model_path() -> PathBuf {
@@ -30,6 +34,53 @@ pub fn study(text: &str) -> Study {
 /// fraction of the time that shapes for the modes take.
 pub fn frame() -> Study {
     study(&edited(&[]))
+}
+
+/// What is made of a machine's text, made once.
+pub struct Made<T: 'static>(OnceLock<Mutex<HashMap<String, &'static OnceLock<T>>>>);
+
+impl<T> Made<T> {
+    pub const fn new() -> Self {
+        Self(OnceLock::new())
+    }
+
+    pub fn get(&self, text: &str, make: impl FnOnce() -> T) -> &'static T {
+        let all = self.0.get_or_init(Mutex::default);
+        let own = *all
+            .lock()
+            .unwrap()
+            .entry(text.to_owned())
+            .or_insert_with(|| Box::leak(Box::new(OnceLock::new())));
+        own.get_or_init(make)
+    }
+}
+
+/// A study and what its search comes to.
+pub type Searched = (Study, Result<(ValidTable, Shaped), ShapingError>);
+
+/// Searches once for every text, however many tests ask.
+pub fn searched(text: &str) -> &'static Searched {
+    static ALL: Made<Searched> = Made::new();
+    ALL.get(text, || {
+        let study = study(text);
+        let found = study.table();
+        (study, found)
+    })
+}
+
+/// A study, its table and what is known of its loop.
+pub type Looped = (&'static Study, &'static ValidTable, &'static Shaped);
+
+/// The same where there is a table.
+pub fn looped(text: &str) -> Looped {
+    let (study, found) = searched(text);
+    let (table, shaped) = found.as_ref().unwrap();
+    (study, table, shaped)
+}
+
+/// The metrology frame under the direct law with its table.
+pub fn looped_frame() -> Looped {
+    looped(&edited(&[]))
 }
 
 /// The metrology frame under the direct law with values replaced:

@@ -1,12 +1,10 @@
 //! `host-gen sil` and the two clients: ours, and one that knows only the document.
 
-mod common;
-
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use common::model_path;
+use crate::common::model_path;
 use host_gen::frf::{Settings, measure};
 use host_gen::link::{Address, Client, LinkError};
 use host_gen::machine::Machine;

@@ -1,33 +1,29 @@
 //! The Monte Carlo run against machines edited by hand.
 
-mod common;
-
-use common::{edited, study};
+use crate::common::{Looped, edited, looped, study};
 use host_gen::closed_loop::SampledLoop;
 use host_gen::law::LinearLaw;
 use host_gen::robustness::{Robust, monte_carlo};
-use host_gen::study::Study;
 use nalgebra::Complex;
 
-fn run(edits: &[(&str, &str)]) -> (Study, Robust) {
-    let study = study(&edited(edits));
-    let (table, shaped) = study.table().unwrap();
-    let robust = monte_carlo(&study, &table, &shaped.bands, || {}).unwrap();
-    (study, robust)
+fn run(edits: &[(&str, &str)]) -> (Looped, Robust) {
+    let looped = looped(&edited(edits));
+    let (study, table, shaped) = looped;
+    let robust = monte_carlo(study, table, &shaped.bands, || {}).unwrap();
+    (looped, robust)
 }
 
 /// Where nothing varies, nothing moves, and the nominal machine is the one
 /// that the roll-off was found on.
 #[test]
 fn without_variation_nothing_moves() {
-    let (study, robust) = run(&[
+    let ((study, _, shaped), robust) = run(&[
         ("robustness.mass", "0.0"),
         ("robustness.cog", "0.0"),
         ("robustness.leg_stiffness", "0.0"),
         ("robustness.samples", "3"),
     ]);
     assert_eq!((robust.stable, robust.samples), (3, 3));
-    let (_, shaped) = study.table().unwrap();
     let spread = robust.peak_sensitivity;
     assert_eq!((spread.min, spread.max), (spread.nominal, spread.nominal));
     assert!((spread.nominal - shaped.peak_sensitivity.value).abs() < 1e-9);
@@ -75,8 +71,7 @@ fn the_seed_decides() {
 /// sampled loop under the nominal table.
 #[test]
 fn a_drawn_machine_is_one_that_could_be_typed() {
-    let nominal = study(&edited(&[]));
-    let (table, _) = nominal.table().unwrap();
+    let (_, table, _) = looped(&edited(&[]));
     let light = study(&edited(&[
         ("bodies.lens.mass", "681.28"),
         ("bodies.lens.inertia", "[58.36, 58.36, 39.32]"),
@@ -84,7 +79,7 @@ fn a_drawn_machine_is_one_that_could_be_typed() {
     ]));
     let closed = SampledLoop {
         plant: &light.plant,
-        law: LinearLaw::new(&table),
+        law: LinearLaw::new(table),
     };
     let stable = |s: &Complex<f64>| s.re < 0.0;
     assert!(closed.poles().unwrap().iter().all(stable));
@@ -111,7 +106,7 @@ fn bad_settings() {
             "\"none\" does not exist",
         ),
     ] {
-        let error = common::parse(&edited(&[(key, value)]))
+        let error = crate::common::parse(&edited(&[(key, value)]))
             .unwrap_err()
             .to_string();
         assert!(error.contains(key) && error.contains(says), "{error}");

@@ -1,12 +1,11 @@
 //! Zeros, energies, gravity, damping, singular values and exports against
 //! second methods.
 
-mod common;
-
 use core::f64::consts::TAU;
 use std::path::Path;
+use std::sync::LazyLock;
 
-use common::{assert_digits, edited, frame, model_path, study};
+use crate::common::{assert_digits, edited, frame, model_path, study};
 use host_gen::design::ideal_poles;
 use host_gen::energy::{Kind, energies};
 use host_gen::export::{Generalised, matrix_market};
@@ -278,8 +277,11 @@ fn dampers_along_legs() {
     assert!(study.table().is_ok());
 }
 
-fn looped(study: &Study) -> Vec<Looped> {
-    Looped::by_feedback(&study.machine, &|| {}).unwrap()
+/// The frame with each kind of feedback, searched once.
+fn looped() -> &'static [Looped] {
+    static FRAME: LazyLock<Vec<Looped>> =
+        LazyLock::new(|| Looped::by_feedback(&frame().machine, &|| {}).unwrap());
+    &FRAME
 }
 
 /// Singular values from the exported state space against those of the curves.
@@ -288,7 +290,7 @@ fn sigma_from_the_exported_matrices() {
     let study = frame();
     let Generalised { a, b, c, d } = Generalised::new(&study.plant.plant);
     assert_eq!((c.shape(), d.shape()), ((12, 24), (12, 12)));
-    let sigma = Sigma::new(&study.machine, &looped(&study), adaptive(0.5, 200.0, 100)).unwrap();
+    let sigma = Sigma::new(&study.machine, looped(), adaptive(0.5, 200.0, 100)).unwrap();
     let json = serde_json::to_value(&sigma).unwrap();
     let hz: Vec<f64> = serde_json::from_value(json["hz"].clone()).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
@@ -312,7 +314,7 @@ fn sigma_from_the_exported_matrices() {
 fn no_peak_is_missed() {
     let study = frame();
     let plant = &study.plant.plant;
-    let sigma = Sigma::new(&study.machine, &looped(&study), adaptive(5.0, 200.0, 50)).unwrap();
+    let sigma = Sigma::new(&study.machine, looped(), adaptive(5.0, 200.0, 50)).unwrap();
     let json = serde_json::to_value(sigma).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
     let highest = open.iter().copied().fold(0.0, f64::max);

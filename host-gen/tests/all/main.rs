@@ -1,0 +1,14 @@
+//! Everything about the library that takes more than one of its modules, in one program:
+//! machines, searches and reports that several tests look at are made once.
+
+mod analysis;
+mod bad_files;
+mod common;
+mod metrology_frame;
+mod modal_law;
+mod other_machines;
+mod outline;
+mod report;
+mod robustness;
+mod sampled_loop;
+mod spectrum;

@@ -1,0 +1,308 @@
+//! The book and the README: every link leads somewhere, every command does what it
+//! should, and prints what stands there.
+//!
+//! A block of `console` is run, line by line, in a copy of the project's models, where
+//! `host-gen` and `cargo run --release --` are the program as built. A block of `text`
+//! straight after it is what it prints; there, `...` on a line of its own stands for any
+//! lines, and `[..]` in a line for anything. One of `console,background` is begun and ends
+//! with its page; a `sil` there runs as fast as it can. One of `console,hardware` needs a
+//! board, one of `console,install` the network, and of `cargo xtask` only the command's
+//! being there is tried: these run in the whole test or not at all.
+//!
+//! `docs/faults.md` is held against `host-gen campaign`: words to the letter, times and
+//! decibels with room for another processor's rounding.
+#![forbid(unsafe_code)]
+
+mod page;
+
+use std::fs;
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use anyhow::{Context as _, Result, anyhow, bail, ensure};
+use clap::Parser;
+use page::Page;
+use snapbox::{Assert, IntoData as _};
+
+/// Follows the documentation's links and runs its commands. From the project's folder,
+/// after `cargo doc`.
+#[derive(Parser)]
+struct Cli {
+    /// The book as mdBook built it: its headings are to have the ids that links use.
+    #[arg(long)]
+    book: Option<PathBuf>,
+    /// The program.
+    #[arg(long, default_value = "target/release/host-gen")]
+    host_gen: PathBuf,
+    /// The program behind `cargo xtask`.
+    #[arg(long, default_value = "target/release/xtask")]
+    xtask: PathBuf,
+}
+
+fn main() -> Result<()> {
+    run(&Cli::parse())
+}
+
+fn run(cli: &Cli) -> Result<()> {
+    let program = fs::canonicalize(&cli.host_gen).context("host-gen is not built")?;
+    let xtask = fs::canonicalize(&cli.xtask).context("xtask is not built")?;
+    let mut pages = vec![PathBuf::from("README.md")];
+    for entry in fs::read_dir("docs")? {
+        pages.push(entry?.path());
+    }
+    pages.retain(|page| page.extension().is_some_and(|extension| extension == "md"));
+    pages.sort();
+    let summary = fs::read_to_string("docs/SUMMARY.md")?;
+    let (mut links, mut commands, mut outputs, mut not_run) = (0, 0, 0, 0);
+    for page in &pages {
+        let text = fs::read_to_string(page)?;
+        let name = page.file_name().context("a page has a name")?;
+        let name = name.to_string_lossy();
+        ensure!(
+            page.starts_with("docs") == summary.contains(&format!("({name})"))
+                || name == "SUMMARY.md",
+            "{name} is not in docs/SUMMARY.md"
+        );
+        let read = Page::new(&text);
+        for link in &read.links {
+            follow(page, link).with_context(|| format!("{}: {link}", page.display()))?;
+            links += 1;
+        }
+        if let Some(book) = &cli.book
+            && page.starts_with("docs")
+            && name != "SUMMARY.md"
+        {
+            in_the_book(&read, &book.join(&*name).with_extension("html"))?;
+        }
+        let mut session = Session::new(&program, &xtask)?;
+        let mut printed = None;
+        for block in &read.blocks {
+            let before = printed.take().filter(|_| block.follows);
+            match block.kind.as_str() {
+                "console" => {
+                    let mut all = String::new();
+                    for line in block.text.lines().filter(|line| !line.is_empty()) {
+                        let here = format!("{}: {line}", page.display());
+                        println!("{here}");
+                        all += &session.run(line).context(here)?;
+                        commands += 1;
+                    }
+                    printed = Some(all);
+                }
+                "console,background" => {
+                    println!("{}: {} &", page.display(), block.text.trim());
+                    session
+                        .begin(block.text.trim())
+                        .with_context(|| format!("{}: {}", page.display(), block.text))?;
+                    commands += 1;
+                }
+                "text" => {
+                    if let Some(found) = before {
+                        let outcome = alike(&found, &block.text);
+                        outcome
+                            .with_context(|| format!("{}: not what it prints", page.display()))?;
+                        outputs += 1;
+                    }
+                }
+                "console,hardware" | "console,install" => not_run += block.text.lines().count(),
+                "toml" | "rust,no_run" => {}
+                other => bail!("{}: a block of \"{other}\"", page.display()),
+            }
+        }
+    }
+    println!(
+        "{links} links lead somewhere; {commands} commands ran, {outputs} print what is written, {not_run} need a board or the network"
+    );
+    let session = Session::new(&program, &xtask)?;
+    let found = session.run(CAMPAIGN)?;
+    let faults = rows_alike(&found, &fs::read_to_string(FAULTS)?).context(FAULTS)?;
+    println!("{FAULTS}: {faults} faults as {CAMPAIGN} finds them");
+    Ok(())
+}
+
+/// Its table is what this prints.
+const FAULTS: &str = "docs/faults.md";
+const CAMPAIGN: &str = "host-gen campaign models/metrology-frame.toml";
+
+/// Whether a command printed what is written.
+fn alike(found: &str, written: &str) -> Result<()> {
+    let outcome = Assert::new().try_eq(None, found.into_data(), written.into_data());
+    outcome.map_err(|differences| anyhow!("{differences}"))
+}
+
+/// How far times and decibels of a table may be off: of themselves, and at least this.
+const ROOM: (f64, f64) = (0.05, 0.25);
+
+/// Whether the tables in two texts are alike; gives their number of rows.
+fn rows_alike(found: &str, written: &str) -> Result<usize> {
+    let rows = |text: &str| -> Vec<Row> {
+        let rows = text.lines().filter(|line| line.starts_with('|'));
+        rows.map(Row::new).collect()
+    };
+    let (found, written) = (rows(found), rows(written));
+    for (found, written) in found.iter().zip(&written) {
+        let near = |(a, b): (&f64, &f64)| (a - b).abs() <= (ROOM.0 * b.abs()).max(ROOM.1);
+        let same =
+            found.words == written.words && found.measures.iter().zip(&written.measures).all(near);
+        ensure!(same, "written: {}\nfound:   {}", written.line, found.line);
+    }
+    ensure!(
+        found.len() == written.len() && found.len() > 2,
+        "{} rows are written, {} found",
+        written.len(),
+        found.len()
+    );
+    // Without the head and the line under it.
+    Ok(found.len() - 2)
+}
+
+/// A line of a table: its words, and of numbers with a unit their values.
+struct Row {
+    line: String,
+    words: Vec<String>,
+    measures: Vec<f64>,
+}
+
+impl Row {
+    fn new(line: &str) -> Self {
+        let mut row = Self {
+            line: line.to_owned(),
+            words: Vec::new(),
+            measures: Vec::new(),
+        };
+        for word in line.split_whitespace() {
+            let measured = row.words.last().and_then(|last| last.parse().ok());
+            if let (Some(number), "ms" | "dB") = (measured, word) {
+                row.measures.push(number);
+                row.words.pop();
+            }
+            row.words.push(word.to_owned());
+        }
+        row
+    }
+}
+
+/// A file beside the page, a heading in it, or an item of the code's documentation,
+/// which stands beside the book.
+fn follow(page: &Path, link: &str) -> Result<()> {
+    if link.starts_with("https://") {
+        return Ok(());
+    }
+    let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+    let folder = page.parent().context("a page is in a folder")?;
+    let target = match file.strip_prefix("../doc/") {
+        Some(item) => Path::new("target/doc").join(item),
+        None if file.is_empty() => page.to_owned(),
+        None => folder.join(file),
+    };
+    ensure!(target.exists(), "there is no {}", target.display());
+    if anchor.is_empty() {
+        return Ok(());
+    }
+    let text = fs::read_to_string(&target).with_context(|| target.display().to_string())?;
+    let there = if target
+        .extension()
+        .is_some_and(|extension| extension == "md")
+    {
+        Page::new(&text).ids.iter().any(|id| id == anchor)
+    } else {
+        text.contains(&format!("id=\"{anchor}\""))
+    };
+    ensure!(there, "no {anchor} in {}", target.display());
+    Ok(())
+}
+
+/// mdBook gave the headings the ids that links are held against here.
+fn in_the_book(page: &Page, html: &Path) -> Result<()> {
+    let text = fs::read_to_string(html).with_context(|| html.display().to_string())?;
+    for id in &page.ids {
+        let there = text.contains(&format!("id=\"{id}\""));
+        ensure!(there, "no {id} in {}", html.display());
+    }
+    Ok(())
+}
+
+/// A folder with the models and the tables, and what runs there.
+struct Session {
+    folder: tempfile::TempDir,
+    program: PathBuf,
+    xtask: PathBuf,
+    background: Vec<Child>,
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        for child in &mut self.background {
+            child.kill().unwrap_or_default();
+            child.wait().map(|_| ()).unwrap_or_default();
+        }
+    }
+}
+
+impl Session {
+    fn new(program: &Path, xtask: &Path) -> Result<Self> {
+        let folder = tempfile::tempdir()?;
+        for part in ["models", "firmware/src/tables"] {
+            let to = folder.path().join(part);
+            fs::create_dir_all(&to)?;
+            for entry in fs::read_dir(part)? {
+                let from = entry?.path();
+                let name = from.file_name().context("a file has a name")?;
+                fs::copy(&from, to.join(name))?;
+            }
+        }
+        Ok(Self {
+            folder,
+            program: program.to_owned(),
+            xtask: xtask.to_owned(),
+            background: Vec::new(),
+        })
+    }
+
+    /// The words of a line; of a command that this does not run, its `--help`.
+    fn command(&self, line: &str) -> Result<Command> {
+        let line = line.split(" #").next().unwrap_or_default().trim();
+        let line = line.replace("cargo run --release --", "host-gen");
+        let mut words = line.split_whitespace();
+        let mut command = match (words.next(), line.split_whitespace().nth(1)) {
+            (Some("host-gen"), _) => {
+                let mut command = Command::new(&self.program);
+                command.args(words).current_dir(self.folder.path());
+                if line.starts_with("host-gen sil ") {
+                    // Nobody is watching.
+                    command.arg("--fast");
+                }
+                command
+            }
+            (Some("cargo"), Some("xtask")) => {
+                let mut command = Command::new(&self.xtask);
+                command.args(words.skip(1).take(1)).arg("--help");
+                command
+            }
+            _ => bail!("neither host-gen nor cargo xtask"),
+        };
+        command.stdin(Stdio::null());
+        Ok(command)
+    }
+
+    /// What a command prints.
+    fn run(&self, line: &str) -> Result<String> {
+        let output = self.command(line)?.stderr(Stdio::inherit()).output()?;
+        ensure!(output.status.success(), "{}", output.status);
+        Ok(String::from_utf8(output.stdout)?)
+    }
+
+    /// Begins a command that goes on, and waits for the address that it prints.
+    fn begin(&mut self, line: &str) -> Result<()> {
+        let mut child = self.command(line)?.stdout(Stdio::piped()).spawn()?;
+        let output = child.stdout.take().context("no output")?;
+        self.background.push(child);
+        let mut lines = BufReader::new(output).lines();
+        let ready = lines.any(|line| line.is_ok_and(|line| line.contains("127.0.0.1:")));
+        ensure!(ready, "it says no address");
+        // What else it says is read, so that it does not wait for that.
+        std::thread::spawn(move || lines.for_each(drop));
+        Ok(())
+    }
+}
