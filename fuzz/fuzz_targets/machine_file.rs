@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use host_gen::machine::Machine;
-use host_gen::multibody::Multibody;
+use host_gen::model::multibody::Multibody;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {

@@ -5,10 +5,10 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use host_gen::linear::largest_singular_value;
+use host_gen::design::Study;
 use host_gen::machine::{Machine, Simulation};
-use host_gen::simulation::run;
-use host_gen::study::Study;
+use host_gen::numeric::singular::largest_singular_value;
+use host_gen::simulate::run::run;
 use nalgebra::{Complex, Const, Dyn, OMatrix};
 
 fn study() -> Study {
@@ -20,7 +20,7 @@ fn study() -> Study {
 /// σ_max of the 12×12 plant of 24 states at 2000 frequencies.
 fn sigma(criterion: &mut Criterion) {
     let study = study();
-    let plant = &study.plant.plant;
+    let plant = &study.plant().plant;
     let rows = plant.sensors().start..plant.performance().end;
     let hz: Vec<f64> = (0..2000)
         .map(|i| 0.1 * 10f64.powf(3.5 * f64::from(i) / 1999.0))
@@ -46,16 +46,16 @@ fn sigma(criterion: &mut Criterion) {
 fn closed_loop(criterion: &mut Criterion) {
     let study = study();
     let (table, _) = study.table().expect("the target is reached");
-    let board = &study.machine.board;
+    let board = &study.machine().board;
     let settings = Simulation {
         duration: 10.0,
         settling: 0.0,
-        ..study.machine.simulation
+        ..study.machine().simulation
     };
     let mut group = criterion.benchmark_group("closed loop");
     group.sample_size(10);
     group.bench_function("200,000 steps", |bencher| {
-        bencher.iter(|| run(&study.plant, board, &settings, black_box(&table), true));
+        bencher.iter(|| run(study.plant(), board, &settings, black_box(&table), true));
     });
     group.finish();
 }

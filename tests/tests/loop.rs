@@ -4,10 +4,10 @@
 use std::path::Path;
 
 use firmware::tables::{self, Entry, metrology_frame};
-use host_gen::law::LinearLaw;
+use host_gen::control::LinearLaw;
+use host_gen::control::emit::emit;
+use host_gen::design::Study;
 use host_gen::machine::Machine;
-use host_gen::study::Study;
-use host_gen::table::emit;
 use nalgebra::Complex;
 use shared::LEGS;
 use shared::codes::{AdcCode, Samples};
@@ -38,7 +38,7 @@ fn the_firmwares_tables_are_the_models() {
         let source = format!("../firmware/src/tables/{source}.rs");
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join(source);
         let written = std::fs::read_to_string(source).unwrap();
-        assert!(written == emit(&study.machine, &table), "{machine}");
+        assert!(written == emit(study.machine(), &table), "{machine}");
     }
 }
 

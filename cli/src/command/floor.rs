@@ -70,7 +70,10 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
     let board = &study.machine().board;
     let budgets = both_budgets(study.plant(), board, &design.table, &floor, band);
     let [open, closed] = budgets.map_err(in_loop(model))?;
-    print::result(*format, &FloorAnalysis::new(&study, name, band, open, closed))
+    print::result(
+        *format,
+        &FloorAnalysis::new(&study, name, band, open, closed),
+    )
 }
 
 /// The spectrum in a file.
@@ -80,8 +83,9 @@ fn read(path: &Path) -> Result<Floor, Failure> {
         what: "read",
         error,
     })?;
-    text.parse().map_err(|error: SpectrumError| Failure::Spectrum {
-        path: path.display().to_string(),
-        line: error.line,
-    })
+    text.parse()
+        .map_err(|error: SpectrumError| Failure::Spectrum {
+            path: path.display().to_string(),
+            line: error.line,
+        })
 }

@@ -26,7 +26,9 @@ pub mod zeros;
 /// A matrix by rows.
 pub(crate) type Rows = Vec<Vec<f64>>;
 
-pub(crate) fn rows<R: Dim, C: Dim, S: RawStorage<f64, R, C>>(matrix: &Matrix<f64, R, C, S>) -> Rows {
+pub(crate) fn rows<R: Dim, C: Dim, S: RawStorage<f64, R, C>>(
+    matrix: &Matrix<f64, R, C, S>,
+) -> Rows {
     matrix
         .row_iter()
         .map(|row| row.iter().copied().collect())

@@ -103,15 +103,16 @@ impl SigmaAnalysis {
             Frequencies::Adaptive { low, high, count } => grid(low, high, count, &peaks),
             Frequencies::At(hz) => hz,
         };
-        let curve = |of: Option<(Feedback, LawKind)>, sigma: &(dyn Fn(f64) -> f64 + Sync)| SigmaCurve {
-            name: match of {
-                None => "open".to_owned(),
-                Some((kind, LawKind::Ideal)) => format!("{}, ideal", kind.name()),
-                Some((kind, LawKind::Sampled)) => format!("{}, sampled", kind.name()),
-            },
-            of,
-            sigma_max: hz.par_iter().map(|&hz| sigma(hz)).collect(),
-        };
+        let curve =
+            |of: Option<(Feedback, LawKind)>, sigma: &(dyn Fn(f64) -> f64 + Sync)| SigmaCurve {
+                name: match of {
+                    None => "open".to_owned(),
+                    Some((kind, LawKind::Ideal)) => format!("{}, ideal", kind.name()),
+                    Some((kind, LawKind::Sampled)) => format!("{}, sampled", kind.name()),
+                },
+                of,
+                sigma_max: hz.par_iter().map(|&hz| sigma(hz)).collect(),
+            };
         let mut curves = Vec::new();
         for (i, (study, ideal_holds, sampled)) in loops.iter().enumerate() {
             let plant = &study.plant().plant;

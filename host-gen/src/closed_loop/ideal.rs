@@ -31,10 +31,7 @@ pub fn close_ideal(plant: &Plant, gains: &Gains, hz: f64, rows: Range<usize>) ->
 ///
 /// # Errors
 /// Where the loop is ill-posed or the eigenvalue iteration does not converge.
-pub fn ideal_poles(
-    plant: &StateSpace,
-    gains: &Gains,
-) -> Result<Vec<Complex<f64>>, NumericError> {
+pub fn ideal_poles(plant: &StateSpace, gains: &Gains) -> Result<Vec<Complex<f64>>, NumericError> {
     let states = plant.a.nrows();
     // With Y the integral of the sensors: σ = −(P·(c·x + d·σ) + I·Y).
     let c = plant.c.rows(0, LEGS);

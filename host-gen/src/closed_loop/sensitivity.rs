@@ -106,9 +106,9 @@ impl LoopGrid {
         bounds.extend(sensors(law).map(|opening| (opening, ELSEWHERE * bound)));
         self.points.iter().all(|(_, z, g22)| {
             let c = law.response(*z);
-            bounds
-                .iter()
-                .all(|&(opening, bound)| smallest_is_above(self.return_difference(opening, g22, &c), bound))
+            bounds.iter().all(|&(opening, bound)| {
+                smallest_is_above(self.return_difference(opening, g22, &c), bound)
+            })
         })
     }
 

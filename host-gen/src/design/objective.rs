@@ -284,7 +284,6 @@ impl<'a> Objective<'a> {
         let worst = levels.into_iter().fold(f64::MIN, f64::max);
         Some(worst + 0.1 * mean)
     }
-
 }
 
 impl LoopPoint {

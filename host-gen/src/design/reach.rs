@@ -303,9 +303,7 @@ impl Reach<'_> {
                 }
                 (trial, peak)
             }
-            (None, LawName::Direct) => {
-                highest_corner(self.study, &target, &ideal.gains, &loops)?
-            }
+            (None, LawName::Direct) => highest_corner(self.study, &target, &ideal.gains, &loops)?,
             (None, LawName::Modal) => self.best_shapes(target, &ideal, &loops)?,
         };
         let [low, high] = isolation_band(model, target.frequency);

@@ -11,8 +11,7 @@ use shared::table::ModelDigest;
 
 use super::error::{EntryError, MachineError};
 use super::file::{
-    Feedback, LawName, MachineFile, Minimise, Provenance, ShapeEntry, Simulation,
-    Supervision,
+    Feedback, LawName, MachineFile, Minimise, Provenance, ShapeEntry, Simulation, Supervision,
 };
 use super::source::Source;
 

@@ -28,8 +28,8 @@ mod validate;
 use std::path::Path;
 
 pub use checked::{
-    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, Machine, Node, Performance,
-    Robustness, Sensor, Stiffness, Target,
+    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, Machine, Node,
+    Performance, Robustness, Sensor, Stiffness, Target,
 };
 pub(crate) use error::EntryError;
 pub use error::MachineError;

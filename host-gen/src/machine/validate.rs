@@ -10,14 +10,14 @@ use shared::codes::{Adc, Dac};
 use shared::table::ModelDigest;
 
 use super::checked::{
-    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, Machine, Node, Performance,
-    Robustness, Sensor, Stiffness, Target,
+    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, Machine, Node,
+    Performance, Robustness, Sensor, Stiffness, Target,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, BodyEntry, ControlEntry, DampingEntry, DirectionEntry, Feedback, ForceSensorEntry,
-    Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, SensorEntry, ShapeEntry, Simulation,
-    Supervision,
+    Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, SensorEntry,
+    ShapeEntry, Simulation, Supervision,
 };
 use super::source::{Source, has};
 

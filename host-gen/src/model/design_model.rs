@@ -71,7 +71,6 @@ impl DesignModel {
     pub fn hertz(&self) -> [f64; LEGS] {
         self.omega.map(|w| w / core::f64::consts::TAU)
     }
-
 }
 
 /// Modes nearer than this part of each other count as one.

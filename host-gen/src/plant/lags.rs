@@ -74,12 +74,14 @@ impl Lagged {
             }
             lagged.direct.rows_mut(first, LEGS).fill(0.0);
             let outputs = lagged.direct.nrows();
-            lagged.poles.extend((first..first + LEGS).map(|i| PlantPole {
-                lambda: Complex::from(-a),
-                pair: false,
-                input: real(residue.row(i).transpose()),
-                output: unit(outputs, i),
-            }));
+            lagged
+                .poles
+                .extend((first..first + LEGS).map(|i| PlantPole {
+                    lambda: Complex::from(-a),
+                    pair: false,
+                    input: real(residue.row(i).transpose()),
+                    output: unit(outputs, i),
+                }));
         }
         lagged.terms = Terms::new(&lagged.poles);
         lagged

@@ -87,9 +87,7 @@ pub fn isolation(own: &DesignedStudy) -> Result<Chart, NumericError> {
     });
     let mut peaks = [plant.peaks(), pole_peaks(&ideal)].concat();
     if let Some(closed) = &closed {
-        peaks.extend(pole_peaks(
-            &closed.poles()?,
-        ));
+        peaks.extend(pole_peaks(&closed.poles()?));
     }
     let points = grid(low, high, 300, &peaks);
     let curve = |gain: &(dyn Fn(f64) -> Gain + Sync)| -> Vec<(f64, f64)> {
@@ -134,7 +132,8 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
     let (low, high) = (0.01 * target.frequency, 0.5 / study.plant().period);
     let points = grid(low, high, 500, &peaks);
     let modal_loop = closed.modal_loop(&study.design_model().modal);
-    let values: Vec<(f64, ComplexMatrix6)> = points.iter().map(|&hz| (hz, modal_loop(hz))).collect();
+    let values: Vec<(f64, ComplexMatrix6)> =
+        points.iter().map(|&hz| (hz, modal_loop(hz))).collect();
     let hertz_of = study.design_model().hertz();
     let name = |k: usize| format!("mode {}, {:.1} Hz", k + 1, hertz_of[k]);
     let by_mode = |value: &dyn Fn(f64, Complex<f64>) -> (f64, f64)| {
@@ -151,7 +150,12 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
         (*hz, -db(smallest))
     });
     let sensitivity = vec![
-        Series::line("σ_max(S)", colour(study.design_model().feedback), sensitivity).main(),
+        Series::line(
+            "σ_max(S)",
+            colour(study.design_model().feedback),
+            sensitivity,
+        )
+        .main(),
         limit(
             format!("bound: {}", target.max_sensitivity),
             low,

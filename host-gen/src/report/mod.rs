@@ -131,11 +131,14 @@ impl Report {
         criterion: Option<Criterion>,
     ) -> Result<Self, StudyError> {
         let kind = machine.target.feedback;
-        let own = studies.iter().find(|l| l.study.design_model().feedback == kind);
+        let own = studies
+            .iter()
+            .find(|l| l.study.design_model().feedback == kind);
         let own = own.expect("a machine has the sensors that it feeds back");
         let study = &own.study;
         let (low, high, count) = SIGMA;
-        let sigma = SigmaAnalysis::new(machine, studies, Frequencies::Adaptive { low, high, count })?;
+        let sigma =
+            SigmaAnalysis::new(machine, studies, Frequencies::Adaptive { low, high, count })?;
         let mut charts = vec![
             charts::sigma(&sigma, kind),
             charts::isolation(own)?,

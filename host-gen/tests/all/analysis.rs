@@ -6,20 +6,24 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use crate::common::{assert_digits, edited, frame, model_path, study};
-use host_gen::design::ideal_poles;
-use host_gen::energy::{Kind, energies};
-use host_gen::export::{Generalised, matrix_market};
-use host_gen::linear::largest_singular_value;
+use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
+use host_gen::closed_loop::ideal_poles;
+use host_gen::design::{DesignedStudy, Study};
 use host_gen::machine::Feedback;
 use host_gen::machine::Machine;
-use host_gen::output::analysis::{Frequencies, Sigma, both_kinds};
-use host_gen::statics::buckling_load;
-use host_gen::study::{Looped, Study};
-use host_gen::zeros::{grow, transmission_zeros};
+use host_gen::model::energy::{Kind, energies};
+use host_gen::model::gravity::buckling_load;
+use host_gen::numeric::singular::largest_singular_value;
+use host_gen::plant::export::{Generalised, matrix_market};
+use host_gen::plant::zeros::{grow, transmission_zeros};
 use nalgebra::{Complex, DMatrix};
 
 fn zeros(study: &Study) -> Vec<f64> {
-    let zeros = transmission_zeros(&study.plant.plant.state_space, study.design.feedback).unwrap();
+    let zeros = transmission_zeros(
+        &study.plant().plant.state_space,
+        study.design_model().feedback,
+    )
+    .unwrap();
     let mut hz: Vec<f64> = zeros
         .iter()
         .filter(|s| s.im > 0.0)
@@ -82,8 +86,8 @@ fn at_a_zero_g22_loses_rank() {
     edits.push(("damping.modal", "0.02"));
     // Nodes in a triangle: x and z at one, y and z at the next, z and y.
     for study in [frame(), study(&edited(&edits)), model("low-parasitic.toml")] {
-        let ss = &study.plant.plant.state_space;
-        let zeros = transmission_zeros(ss, study.design.feedback).unwrap();
+        let ss = &study.plant().plant.state_space;
+        let zeros = transmission_zeros(ss, study.design_model().feedback).unwrap();
         let g22 = |s: Complex<f64>| {
             let n = ss.a.nrows();
             let resolvent = DMatrix::from_diagonal_element(n, n, s) - ss.a.map(Complex::from);
@@ -110,8 +114,8 @@ fn at_a_zero_g22_loses_rank() {
 #[test]
 fn energies_say_what_a_mode_is() {
     let study = frame();
-    let modes = study.model.modes();
-    let all = energies(&study.machine, &study.model, &modes);
+    let modes = study.model().modes();
+    let all = energies(study.machine(), study.model(), &modes);
     for (i, energies) in all.iter().enumerate() {
         let kind = if i < 6 {
             Kind::Suspension
@@ -119,7 +123,8 @@ fn energies_say_what_a_mode_is() {
             Kind::Internal
         };
         assert_eq!(energies.kind, kind, "mode {}", i + 1);
-        let sum = |shares: &[host_gen::energy::Share]| shares.iter().map(|s| s.share).sum::<f64>();
+        let sum =
+            |shares: &[host_gen::model::energy::Share]| shares.iter().map(|s| s.share).sum::<f64>();
         assert!((sum(&energies.strain) - 1.0).abs() < 1e-9);
         assert!((sum(&energies.kinetic) - 1.0).abs() < 1e-9);
     }
@@ -160,7 +165,7 @@ fn study_with_leg4(factor: f64) -> Study {
 fn legs_carry_the_weight() {
     let study = model_with_gravity("metrology-frame.toml");
     for leg in 0..6 {
-        let load = study.model.statics.axial[leg];
+        let load = study.model().statics.axial[leg];
         assert!((-3690.0..-3640.0).contains(&load), "{load} N");
     }
     // All the weight, through the legs' axial and transverse forces: the
@@ -198,13 +203,13 @@ fn model_with_gravity(name: &str) -> Study {
 #[test]
 fn the_low_parasitic_legs_cannot_carry_the_machine() {
     let margin =
-        |study: &Study| -buckling_load(&study.machine.beams[0]) / study.model.statics.axial[0];
+        |study: &Study| -buckling_load(&study.machine().beams[0]) / study.model().statics.axial[0];
     let frame = model_with_gravity("metrology-frame.toml");
     let low = model_with_gravity("low-parasitic.toml");
     assert!(margin(&frame) > 14.0 && margin(&low) < 1.0);
     let grows = |study: &Study| {
-        let study = Study::new(study.machine.with_feedback(Feedback::Force).unwrap()).unwrap();
-        grow(&transmission_zeros(&study.plant.plant.state_space, Feedback::Force).unwrap())
+        let study = Study::new(study.machine().with_feedback(Feedback::Force).unwrap()).unwrap();
+        grow(&transmission_zeros(&study.plant().plant.state_space, Feedback::Force).unwrap())
     };
     assert!(!grows(&frame));
     assert!(grows(&low));
@@ -248,8 +253,8 @@ fn dampers_along_legs() {
         ("damping.modal", "0.0"),
         ("profiles.leg.damper", "2e4"),
     ]));
-    let plant = &study.plant.plant;
-    let equation = study.model.equation_of_motion();
+    let plant = &study.plant().plant;
+    let equation = study.model().equation_of_motion();
     // c on each leg's own elongation rate, which are the first six coordinates.
     for i in 0..12 {
         for j in 0..12 {
@@ -273,7 +278,7 @@ fn dampers_along_legs() {
         assert!(error < 1e-8, "{hz} Hz: {error:.1e}");
     }
     // Damped poles in the sampled loop's matrix too.
-    assert!(ideal_poles(&plant.state_space, &study.gains).is_some());
+    assert!(ideal_poles(&plant.state_space, study.gains()).is_some());
     assert!(study.table().is_ok());
 }
 
@@ -288,9 +293,9 @@ fn looped() -> &'static [Looped] {
 #[test]
 fn sigma_from_the_exported_matrices() {
     let study = frame();
-    let Generalised { a, b, c, d } = Generalised::new(&study.plant.plant);
+    let Generalised { a, b, c, d } = Generalised::new(&study.plant().plant);
     assert_eq!((c.shape(), d.shape()), ((12, 24), (12, 12)));
-    let sigma = Sigma::new(&study.machine, looped(), adaptive(0.5, 200.0, 100)).unwrap();
+    let sigma = Sigma::new(study.machine(), looped(), adaptive(0.5, 200.0, 100)).unwrap();
     let json = serde_json::to_value(&sigma).unwrap();
     let hz: Vec<f64> = serde_json::from_value(json["hz"].clone()).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
@@ -313,8 +318,8 @@ fn sigma_from_the_exported_matrices() {
 #[test]
 fn no_peak_is_missed() {
     let study = frame();
-    let plant = &study.plant.plant;
-    let sigma = Sigma::new(&study.machine, looped(), adaptive(5.0, 200.0, 50)).unwrap();
+    let plant = &study.plant().plant;
+    let sigma = Sigma::new(study.machine(), looped(), adaptive(5.0, 200.0, 50)).unwrap();
     let json = serde_json::to_value(sigma).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
     let highest = open.iter().copied().fold(0.0, f64::max);
@@ -333,7 +338,7 @@ fn no_peak_is_missed() {
 #[test]
 fn matrix_market_reads_back() {
     let study = frame();
-    let matrix = Generalised::new(&study.plant.plant).d;
+    let matrix = Generalised::new(&study.plant().plant).d;
     let text = matrix_market(&matrix);
     let mut lines = text.lines();
     assert_eq!(

@@ -1,8 +1,8 @@
 //! One clear error each, naming the entry and its line.
 
 use crate::common::{model_text, parse};
+use host_gen::design::Study;
 use host_gen::machine::MachineError;
-use host_gen::study::Study;
 use proptest::prelude::*;
 
 /// Everything that can be wrong before the roll-off is searched.

@@ -3,24 +3,16 @@
 
 use core::f64::consts::TAU;
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, OnceLock};
 
-use host_gen::law::LinearLaw;
+use host_gen::control::LinearLaw;
+use host_gen::design::{Design, DesignError, Search, Study};
 use host_gen::machine::{Machine, MachineError};
-use host_gen::shaping::{Shaped, ShapingError};
-use host_gen::study::Study;
 use nalgebra::Matrix6;
 use shared::table::ValidTable;
-use toml::{Table, Value};
 
-pub fn model_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/metrology-frame.toml")
-}
-
-pub fn model_text() -> String {
-    std::fs::read_to_string(model_path()).unwrap()
-}
+pub use crate::edits::{edited, model_path, model_text, set};
 
 pub fn parse(text: &str) -> Result<Machine, MachineError> {
     Machine::parse(Path::new("test.toml"), text)
@@ -56,63 +48,31 @@ impl<T> Made<T> {
 }
 
 /// A study and what its search comes to.
-pub type Searched = (Study, Result<(ValidTable, Shaped), ShapingError>);
+pub type Searched = (Study, Result<Design, DesignError>);
 
 /// Searches once for every text, however many tests ask.
 pub fn searched(text: &str) -> &'static Searched {
     static ALL: Made<Searched> = Made::new();
     ALL.get(text, || {
         let study = study(text);
-        let found = study.table();
+        let found = Search::FULL.design(&study);
         (study, found)
     })
 }
 
 /// A study, its table and what is known of its loop.
-pub type Looped = (&'static Study, &'static ValidTable, &'static Shaped);
+pub type Looped = (&'static Study, &'static ValidTable, &'static Design);
 
 /// The same where there is a table.
 pub fn looped(text: &str) -> Looped {
     let (study, found) = searched(text);
-    let (table, shaped) = found.as_ref().unwrap();
-    (study, table, shaped)
+    let design = found.as_ref().unwrap();
+    (study, &design.table, design)
 }
 
 /// The metrology frame under the direct law with its table.
 pub fn looped_frame() -> Looped {
     looped(&edited(&[]))
-}
-
-/// The metrology frame under the direct law with values replaced:
-/// `("bodies.frame.mass", "700.0")`, the value in TOML.
-pub fn edited(edits: &[(&str, &str)]) -> String {
-    let mut table: Table = model_text().parse().unwrap();
-    // It names entries that an edit may take away.
-    table.remove("provenance");
-    set(
-        &mut table,
-        "control.law",
-        Value::String("direct".to_owned()),
-    );
-    for (key, value) in edits {
-        let value: Table = format!("x = {value}").parse().unwrap();
-        set(&mut table, key, value["x"].clone());
-    }
-    table.to_string()
-}
-
-pub fn set(table: &mut Table, key: &str, value: Value) {
-    match key.split_once('.') {
-        None => {
-            table.insert(key.to_owned(), value);
-        }
-        Some((first, rest)) => {
-            let inner = table
-                .entry(first)
-                .or_insert_with(|| Value::Table(Table::new()));
-            set(inner.as_table_mut().unwrap(), rest, value);
-        }
-    }
 }
 
 /// Asserts that `found` is `expected` to as many digits as the latter is
@@ -126,7 +86,7 @@ pub fn assert_digits(found: f64, expected: &str) {
 /// How often det(1 + L) goes round the origin as z goes round the unit circle,
 /// which is the number of unstable closed-loop poles: the open loop has none.
 pub fn encirclements(study: &Study, law: &LinearLaw) -> i32 {
-    let plant = &study.plant;
+    let plant = study.plant();
     let at = |hz: f64| {
         let g22 = plant.response(hz).g22();
         (Matrix6::identity() - law.response(plant.z(hz)) * g22).determinant()

@@ -4,6 +4,7 @@
 mod analysis;
 mod bad_files;
 mod common;
+mod edits;
 mod metrology_frame;
 mod modal_law;
 mod other_machines;

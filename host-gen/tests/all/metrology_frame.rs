@@ -4,8 +4,8 @@
 use core::f64::consts::TAU;
 
 use crate::common::{assert_digits, edited, frame, looped_frame, study};
-use host_gen::design::ideal_poles;
-use host_gen::study::Study;
+use host_gen::closed_loop::ideal_poles;
+use host_gen::design::Study;
 use nalgebra::{Cholesky, DMatrix};
 
 fn assert_all(found: &[f64], expected: &[&str]) {
@@ -35,14 +35,14 @@ fn hertz(stiffness: &DMatrix<f64>, mass: &DMatrix<f64>) -> Vec<f64> {
 fn modes() {
     let study = frame();
     assert_all(
-        &study.model.modes().hertz(),
+        &study.model().modes().hertz(),
         &[
             "13.910", "13.910", "19.527", "23.401", "23.401", "31.369", "83.138", "83.138",
             "87.397", "87.397", "95.434", "97.402",
         ],
     );
     assert_all(
-        &study.design.hertz(),
+        &study.design_model().hertz(),
         &["14.174", "14.174", "20.067", "25.138", "25.138", "32.324"],
     );
 }
@@ -62,11 +62,11 @@ fn zeros_of_acceleration_feedback() {
 #[test]
 fn zeros_of_force_feedback() {
     let without_axial = |study: &Study| {
-        let e = &study.model.elongations;
+        let e = &study.model().elongations;
         let axial = 8.389e6;
         hertz(
-            &(&study.model.stiffness - e.transpose() * axial * e),
-            &study.model.mass,
+            &(&study.model().stiffness - e.transpose() * axial * e),
+            &study.model().mass,
         )
     };
     assert_all(
@@ -94,8 +94,8 @@ fn translation_of_the_rigid_whole_by_hand() {
         ("profiles.leg.bending", "[0.0, 0.0]"),
         ("profiles.leg.torsion", "0.0"),
     ]));
-    let ride = &study.model.ride;
-    let stiffness = ride.transpose() * &study.model.stiffness * ride;
+    let ride = &study.model().ride;
+    let stiffness = ride.transpose() * &study.model().stiffness * ride;
     let mass = 742.0 + 851.6;
     assert_digits((stiffness[(2, 2)] / mass).sqrt() / TAU, "20.00");
     assert_digits((stiffness[(0, 0)] / mass).sqrt() / TAU, "14.14");
@@ -117,7 +117,7 @@ fn ideal_loops_as_in_figure_5() {
             ("control.feedback", feedback),
             ("damping.modal", "0.0"),
         ]));
-        let poles = ideal_poles(&study.plant.plant.state_space, &study.gains).unwrap();
+        let poles = ideal_poles(&study.plant().plant.state_space, study.gains()).unwrap();
         let mut hz: Vec<f64> = poles
             .iter()
             .filter(|s| s.im > 0.0)
@@ -152,7 +152,7 @@ fn ideal_isolation() {
 #[test]
 fn modal_matrix_and_sensing() {
     let study = frame();
-    let design = &study.design;
+    let design = study.design_model();
     let one = design.modal.transpose() * design.rigid.mass * design.modal;
     assert!((one - nalgebra::Matrix6::identity()).amax() < 1e-10);
     let squares = design.modal.transpose() * design.rigid.stiffness * design.modal;
@@ -176,7 +176,7 @@ fn modal_matrix_and_sensing() {
 fn modal_plant_is_the_equation_of_motion() {
     use nalgebra::Complex;
     let study = frame();
-    let equation = study.model.equation_of_motion();
+    let equation = study.model().equation_of_motion();
     let complex = |m: &DMatrix<f64>| m.map(Complex::from);
     for hz in [0.3, 13.9, 20.0, 60.0, 83.138, 250.0] {
         let s = Complex::new(0.0, TAU * hz);
@@ -190,9 +190,9 @@ fn modal_plant_is_the_equation_of_motion() {
             * s
             * s;
         let legs = lu.solve(&equation.input.map(Complex::from)).unwrap() * s * s;
-        let response = study.plant.plant.response(hz);
+        let response = study.plant().plant.response(hz);
         // q_d's last six are the performance outputs.
-        let rows = study.plant.plant.performance();
+        let rows = study.plant().plant.performance();
         let found = response.from_floor(rows.clone());
         let error = (floor.rows(6, 6) - &found).camax() / found.camax();
         assert!(error < 1e-9, "floor, {hz} Hz: {error:.1e}");

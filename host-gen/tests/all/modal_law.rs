@@ -1,17 +1,17 @@
 //! The modal law against the direct one, and against what the paper says.
 
 use crate::common::{Looped, edited, encirclements, looped, searched, study};
+use host_gen::analysis::rounding::rounding;
+use host_gen::closed_loop::margins::margins;
 use host_gen::closed_loop::{SampledLoop, stable};
-use host_gen::law::LinearLaw;
+use host_gen::control::LinearLaw;
+use host_gen::control::shape::{Resonance, Shape};
+use host_gen::control::table::{direct, modal};
+use host_gen::design::Study;
+use host_gen::design::{Design, DesignError};
 use host_gen::machine::Simulation;
-use host_gen::margins::margins;
-use host_gen::plant::pole_peaks;
-use host_gen::rounding::rounding;
-use host_gen::shape::{Resonance, Shape};
-use host_gen::shaping::{Shaped, ShapingError};
-use host_gen::simulation::Rig;
-use host_gen::study::Study;
-use host_gen::table::{direct, modal};
+use host_gen::numeric::frequencies::pole_peaks;
+use host_gen::simulate::Rig;
 use nalgebra::{Complex, DMatrix, Matrix6};
 use shared::LEGS;
 use shared::step::{Demand, State, step};
@@ -57,18 +57,18 @@ fn alike_shapes_are_the_direct_law() {
                 "{ nodes = [\"n11\", \"n3\"], stiffness = { axial = 5e6, bending = [371.0, 371.0], torsion = 5.84 } }",
             ),
         ]));
-        let target = &study.machine.target;
-        let one = direct(&study.machine, &study.plant, target, &study.gains, 3.0).unwrap();
+        let target = &study.machine().target;
+        let one = direct(study.machine(), study.plant(), target, study.gains(), 3.0).unwrap();
         let two = modal(
-            &study.machine,
-            &study.plant,
-            &study.design,
+            study.machine(),
+            study.plant(),
+            study.design_model(),
             target,
             &[one_lag(3.0); 6],
         )
         .unwrap();
         for hz in [0.01, 0.1, 1.0, 3.0, 14.0, 90.0, 1000.0, 9000.0] {
-            let z = study.plant.z(hz);
+            let z = study.plant().z(hz);
             let [one, two] = [one, two].map(|table| LinearLaw::new(&table).response(z));
             let error = (&one - two).camax() / one.camax();
             // Coefficients in single precision.
@@ -84,10 +84,10 @@ fn the_laws_matrices_are_its_response() {
     let (study, modal, _) = modal_frame();
     let (_, both, _) = both_frame();
     let direct = direct(
-        &study.machine,
-        &study.plant,
-        &study.machine.target,
-        &study.gains,
+        study.machine(),
+        study.plant(),
+        &study.machine().target,
+        study.gains(),
         2.0,
     )
     .unwrap();
@@ -97,7 +97,7 @@ fn the_laws_matrices_are_its_response() {
         let complex = |m: &DMatrix<f64>| m.map(Complex::from);
         let n = matrices.a.nrows();
         for hz in [0.003, 0.05, 1.0, 30.0, 500.0, 9000.0] {
-            let z = study.plant.z(hz);
+            let z = study.plant().z(hz);
             let x = (DMatrix::from_diagonal_element(n, n, z) - complex(&matrices.a))
                 .lu()
                 .solve(&complex(&matrices.b))
@@ -123,21 +123,21 @@ fn better_than_the_paper() {
 
 /// Stable by eigenvalues and by Nyquist, the peak sensitivity no more than 2 and
 /// what the design says.
-fn proven(study: &Study, table: &ValidTable, shaped: &Shaped) {
+fn proven(study: &Study, table: &ValidTable, shaped: &Design) {
     let law = LinearLaw::new(table);
     let closed = SampledLoop {
-        plant: &study.plant,
+        plant: study.plant(),
         law,
     };
     assert!(stable(&closed.poles().unwrap()));
     assert_eq!(encirclements(study, &law), 0);
-    let to = study.design.modal.transpose().map(Complex::from);
+    let to = study.design_model().modal.transpose().map(Complex::from);
     let from = to.try_inverse().unwrap();
     let mut worst: f64 = 0.0;
     for i in 0..20_000 {
         let hz = 1e-3 * (0.999e7_f64).powf(f64::from(i) / 19_999.0);
-        let c = law.response(study.plant.z(hz));
-        let l = -(to * (c * study.plant.response(hz).g22()) * from);
+        let c = law.response(study.plant().z(hz));
+        let l = -(to * (c * study.plant().response(hz).g22()) * from);
         let sensitivity = (Matrix6::identity() + l).try_inverse().unwrap();
         worst = worst.max(sensitivity.singular_values().max());
     }
@@ -158,8 +158,8 @@ fn forces_are_the_accelerations_of_the_whole() {
         ("profiles.leg.torsion", "0.0"),
         ("damping.modal", "0.0"),
     ]));
-    let transform = study.design.transform();
-    let response = study.plant.plant.response(2.0);
+    let transform = study.design_model().transform();
+    let response = study.plant().plant.response(2.0);
     for gain in [response.from_floor(0..12), response.g22()] {
         let kind = |input: Matrix6<f64>, first: usize| {
             input.map(Complex::from) * gain.fixed_rows::<LEGS>(first)
@@ -192,10 +192,10 @@ fn both_kinds_beat_either() {
 fn what_is_attenuated_comes_back() {
     let (study, table, _) = modal_frame();
     let law = LinearLaw::new(table);
-    let plant = &study.plant;
+    let plant = study.plant();
     let closed = SampledLoop { plant, law };
     let peaks = pole_peaks(&closed.poles().unwrap());
-    let found = margins(&closed, &study.design, 75e-6, 2.0, &peaks);
+    let found = margins(&closed, study.design_model(), 75e-6, 2.0, &peaks);
     let bode = found.bode;
     assert!(bode.attenuation_hz > 500.0);
     assert!((bode.attenuation_hz / bode.amplification_hz - 1.0).abs() < 0.01);
@@ -218,7 +218,7 @@ fn what_is_attenuated_comes_back() {
 #[test]
 fn rounding_is_under_the_noise() {
     for (study, table, _) in [modal_frame(), both_frame()] {
-        let all = rounding(&study.machine, table);
+        let all = rounding(study.machine(), table);
         assert_eq!(all.len(), 8);
         for found in all {
             assert!(found.over_noise_db < -20.0, "{found:?}");
@@ -232,8 +232,8 @@ fn rounding_is_under_the_noise() {
 #[test]
 fn ten_minutes_of_drift() {
     let (study, table, _) = modal_frame();
-    let board = &study.machine.board;
-    let mut rig = Rig::new(study.plant.clone(), board, &study.machine.simulation);
+    let board = &study.machine().board;
+    let mut rig = Rig::new(study.plant().clone(), board, &study.machine().simulation);
     let rate = board.sample_rate;
     let mut state = None;
     let mut means = [[0.0; LEGS]; 10];
@@ -264,12 +264,12 @@ fn ten_minutes_of_drift() {
 #[test]
 fn a_bump_leaves_nothing_behind() {
     let (study, table, _) = modal_frame();
-    let board = &study.machine.board;
+    let board = &study.machine().board;
     let settings = Simulation {
         floor_rms: 2e-4,
-        ..study.machine.simulation
+        ..study.machine().simulation
     };
-    let mut rig = Rig::new(study.plant.clone(), board, &settings);
+    let mut rig = Rig::new(study.plant().clone(), board, &settings);
     let rate = board.sample_rate;
     let mut state = None;
     let mut run = |seconds: f64, gain: f64| {
@@ -316,10 +316,10 @@ fn the_nearest_is_within_reach() {
         &searched(&text).1
     };
     let error = frame(1.0).as_ref().unwrap_err();
-    let ShapingError::Unreachable { nearest, .. } = *error else {
+    let DesignError::Unreachable { nearest, .. } = *error else {
         panic!("{error}");
     };
-    let host_gen::shaping::Nearest::At(hz) = nearest else {
+    let host_gen::design::outcome::Advice::Nearest(hz) = nearest else {
         panic!("{nearest:?}");
     };
     assert!(frame(hz).is_ok());

@@ -5,9 +5,9 @@ use core::f64::consts::TAU;
 use std::fmt::Write as _;
 
 use crate::common::{model_text, set, study};
-use host_gen::design::ideal_poles;
+use host_gen::closed_loop::ideal_poles;
+use host_gen::design::Study;
 use host_gen::plant::Plant;
-use host_gen::study::Study;
 use nalgebra::{Matrix6, Vector3};
 use proptest::prelude::*;
 use toml::{Table, Value};
@@ -95,7 +95,7 @@ fn published_platform() {
     let feet = ring(0.115, 0.015, [-10.0, 10.0, 110.0, 130.0, 230.0, 250.0]);
     let tops = ring(0.090, 0.075, [-50.0, 50.0, 70.0, 170.0, 190.0, -70.0]);
     let study = platform(&feet, &tops, [0.0, 0.0, 0.135], 20e6, [0.0; 3]);
-    let compliance = study.model.stiffness.try_inverse().unwrap();
+    let compliance = study.model().stiffness.try_inverse().unwrap();
     for (axis, expected, unit) in [
         (0, 4.75e-8, 0.01e-8),
         (1, 4.75e-8, 0.01e-8),
@@ -133,7 +133,7 @@ fn cubic_platform() {
     let study = platform(&feet, &tops, [0.0; 3], 1.0, [0.0; 3]);
     let l2 = length * length;
     let expected = Matrix6::from_diagonal(&[2.0, 2.0, 2.0, 0.5 * l2, 0.5 * l2, 2.0 * l2].into());
-    let found = study.model.stiffness.fixed_view::<6, 6>(0, 0) - expected;
+    let found = study.model().stiffness.fixed_view::<6, 6>(0, 0) - expected;
     assert!(found.amax() < 1e-12, "{found}");
 }
 
@@ -215,7 +215,7 @@ fn cantilever() {
 #[test]
 fn signs_of_deformations() {
     let study = crate::common::frame();
-    let (machine, model) = (&study.machine, &study.model);
+    let (machine, model) = (study.machine(), study.model());
     let beam = machine
         .beams
         .iter()
@@ -341,9 +341,9 @@ proptest! {
     #[test]
     fn gains_place_all_poles(table in random_machine()) {
         let study = study(&table.to_string());
-        let target = &study.machine.target;
-        let plant = Plant::of_design(&study.design);
-        let poles = ideal_poles(&plant, &study.gains).unwrap();
+        let target = &study.machine().target;
+        let plant = Plant::of_design(study.design_model());
+        let poles = ideal_poles(&plant, study.gains()).unwrap();
         prop_assert_eq!(poles.len(), 12);
         for s in poles {
             // Rounding of a 6×6 with a condition of some 1e4.
@@ -358,17 +358,17 @@ proptest! {
     fn rigid_motion_deforms_nothing(table in random_machine(), b in prop::array::uniform6(-1.0..1.0f64)) {
         // Lift every beam off the base: then the whole can move.
         let study = study(&table.to_string());
-        let model = &study.model;
+        let model = study.model();
         let x = &model.ride * nalgebra::Vector6::from(b);
-        for beam in study.machine.beams.iter().enumerate().filter(|(_, beam)| beam.name.starts_with("block")) {
+        for beam in study.machine().beams.iter().enumerate().filter(|(_, beam)| beam.name.starts_with("block")) {
             for component in 0..6 {
                 let d = host_gen::machine::Deformation { beam: beam.0, component };
-                let e = model.deformation(&study.machine, d).dot(&x);
+                let e = model.deformation(study.machine(), d).dot(&x);
                 prop_assert!(e.abs() < 1e-12, "{} e{}: {e}", beam.1.name, component + 1);
             }
         }
-        for sensor in study.machine.accelerometers.iter().flatten() {
-            let (row, ride) = model.direction(&study.machine, sensor);
+        for sensor in study.machine().accelerometers.iter().flatten() {
+            let (row, ride) = model.direction(study.machine(), sensor);
             let by_base = (ride * nalgebra::Vector6::from(b))[0];
             prop_assert!((row.dot(&x) - by_base).abs() < 1e-12);
         }
@@ -379,7 +379,7 @@ proptest! {
     #[test]
     fn the_machine_follows_a_slow_floor(table in random_machine()) {
         let study = study(&table.to_string());
-        let plant = &study.plant.plant;
+        let plant = &study.plant().plant;
         let floor = plant.rigid_floor.map(nalgebra::Complex::from);
         let whole = plant.response(0.01).from_floor(plant.whole()) * floor;
         let one = nalgebra::MatrixXx6::<nalgebra::Complex<f64>>::identity(6);
@@ -407,7 +407,7 @@ fn stiffness_under_gravity_is_the_energys_curvature() {
                 foot,
                 top - cog,
                 (top - foot).norm(),
-                study.model.statics.axial[i],
+                study.model().statics.axial[i],
             )
         })
         .collect();
@@ -431,7 +431,11 @@ fn stiffness_under_gravity_is_the_energys_curvature() {
         x[j] += b * step;
         energy(&x)
     };
-    let found = study.model.stiffness.fixed_view::<6, 6>(0, 0).into_owned();
+    let found = study
+        .model()
+        .stiffness
+        .fixed_view::<6, 6>(0, 0)
+        .into_owned();
     for i in 0..6 {
         // Balance: the energy has no slope.
         let slope = (moved(i, 1.0, i, 0.0) - moved(i, -1.0, i, 0.0)) / (2.0 * step);
@@ -450,7 +454,7 @@ fn stiffness_under_gravity_is_the_energys_curvature() {
         }
     }
     // It matters here: the geometric part is some per cent of the whole.
-    assert!(study.model.statics.geometric.amax() > 0.02 * found.amax());
+    assert!(study.model().statics.geometric.amax() > 0.02 * found.amax());
 }
 
 /// One rigid body without a lens goes all the way to a table: its performance is
@@ -483,17 +487,31 @@ fn one_body_without_a_lens() {
     put("robustness.payload", r#"["frame"]"#);
     let study = study(&table.to_string());
     // The design model is the machine: the modes are the same.
-    for (full, rigid) in study.model.modes().hertz().iter().zip(study.design.hertz()) {
+    for (full, rigid) in study
+        .model()
+        .modes()
+        .hertz()
+        .iter()
+        .zip(study.design_model().hertz())
+    {
         assert!((full / rigid - 1.0).abs() < 1e-9);
     }
-    let zeros =
-        host_gen::zeros::transmission_zeros(&study.plant.plant.state_space, study.design.feedback);
+    let zeros = host_gen::plant::zeros::transmission_zeros(
+        &study.plant().plant.state_space,
+        study.design_model().feedback,
+    );
     assert_eq!(zeros.unwrap().len(), 0, "no internal modes, no zeros");
     let (table, shaped) = study.table().unwrap();
     assert!(shaped.peak_sensitivity.value <= 2.0);
     let run = |closed| {
-        let settings = &study.machine.simulation;
-        host_gen::simulation::run(&study.plant, &study.machine.board, settings, &table, closed)
+        let settings = &study.machine().simulation;
+        host_gen::simulate::run::run(
+            study.plant(),
+            &study.machine().board,
+            settings,
+            &table,
+            closed,
+        )
     };
     assert!(run(true).rms[0] < 0.1 * run(false).rms[0]);
 }
@@ -529,15 +547,15 @@ fn a_second_payload() {
             "post.e1", "post.e2", "post.e3", "post.e4", "post.e5", "post.e6"]"#,
     );
     let study = study(&table.to_string());
-    assert_eq!(study.model.modes().squares.len(), 18);
-    assert_eq!(study.machine.robustness.payload, [1, 2]);
-    let modes = study.model.modes();
-    let energies = host_gen::energy::energies(&study.machine, &study.model, &modes);
+    assert_eq!(study.model().modes().squares.len(), 18);
+    assert_eq!(study.machine().robustness.payload, [1, 2]);
+    let modes = study.model().modes();
+    let energies = host_gen::model::energy::energies(study.machine(), study.model(), &modes);
     let kinds = energies
         .iter()
-        .filter(|e| e.kind == host_gen::energy::Kind::Suspension);
+        .filter(|e| e.kind == host_gen::model::energy::Kind::Suspension);
     assert_eq!(kinds.count(), 6);
-    let poles = ideal_poles(&Plant::of_design(&study.design), &study.gains).unwrap();
+    let poles = ideal_poles(&Plant::of_design(study.design_model()), study.gains()).unwrap();
     for s in poles {
         assert!((s.norm() / TAU - 1.0).abs() < 1e-6);
     }

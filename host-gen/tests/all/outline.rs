@@ -5,10 +5,10 @@ use std::fs;
 use std::path::Path;
 
 use crate::common::{model_path, model_text};
+use host_gen::design::Study;
 use host_gen::machine::schema::schema;
 use host_gen::machine::{Feedback, Machine};
-use host_gen::outline::{Mounts, Outline};
-use host_gen::study::Study;
+use host_gen::model::template::{Mounts, Outline};
 use jsonschema::Validator;
 use proptest::prelude::*;
 use serde_json::Value;
@@ -40,7 +40,7 @@ fn legs_hold_as_their_angle_says() {
             12.0 * 5.53e-4 * outline.leg_stiffness,
         );
         let up = hz(6.0 * (axial * sin * sin + bent * cos * cos));
-        let modes = study.model.modes();
+        let modes = study.model().modes();
         let found = modes.hertz();
         // Up and down nothing turns: nothing else acts.
         let nearest = found.iter().map(|hz| (hz / up - 1.0).abs());
@@ -134,7 +134,7 @@ proptest! {
             ..Outline::default()
         };
         let study = study(&outline);
-        prop_assert!(study.model.modes().hertz().iter().all(|hz| *hz > 0.0));
+        prop_assert!(study.model().modes().hertz().iter().all(|hz| *hz > 0.0));
         let text = outline.machine_file(Path::new("new.toml")).unwrap();
         let errors = errors(&text);
         prop_assert!(errors.is_empty(), "{errors:?}");

@@ -4,15 +4,15 @@
 use std::sync::LazyLock;
 
 use crate::common::{edited, looped_frame, model_path, parse, study};
-use host_gen::history::history;
+use host_gen::analysis::criterion::Criterion;
+use host_gen::design::Study;
 use host_gen::machine::Machine;
 use host_gen::report::chart::{Chart, Scale, Style};
 use host_gen::report::page::page;
 use host_gen::report::plots::{csv, png, svg};
 use host_gen::report::{Report, Review};
-use host_gen::simulation::compare;
-use host_gen::spectrum::Criterion;
-use host_gen::study::Study;
+use host_gen::simulate::run::compare;
+use host_gen::simulate::session::history;
 use resvg::tiny_skia::Pixmap;
 use serde_json::Value;
 
@@ -144,10 +144,10 @@ fn history_ends_as_the_simulation_does() {
             "loop closed"
         ]
     );
-    let machine = &study.machine;
+    let machine = study.machine();
     let names = machine.performance_names();
     let run = compare(
-        &study.plant,
+        study.plant(),
         &machine.board,
         &machine.simulation,
         table,
@@ -333,7 +333,7 @@ fn warnings_and_what_is_missing() {
 #[test]
 fn drawings_move() {
     let study = study(&edited(&[]));
-    let machine = &study.machine;
+    let machine = study.machine();
     let review = Review::new(vec![Report::quick(machine).unwrap()]).unwrap();
     let size = size_of(&study);
     for mode in 1..=12 {
@@ -355,7 +355,7 @@ fn drawings_move() {
 }
 
 fn size_of(study: &Study) -> f64 {
-    let nodes = &study.machine.nodes;
+    let nodes = &study.machine().nodes;
     let pairs = nodes.iter().flat_map(|a| nodes.iter().map(move |b| (a, b)));
     pairs.map(|(a, b)| (a.at - b.at).norm()).fold(0.0, f64::max)
 }

@@ -1,9 +1,9 @@
 //! The Monte Carlo run against machines edited by hand.
 
 use crate::common::{Looped, edited, looped, study};
+use host_gen::analysis::robustness::{PerturbedSpread, monte_carlo};
 use host_gen::closed_loop::SampledLoop;
-use host_gen::law::LinearLaw;
-use host_gen::robustness::{Robust, monte_carlo};
+use host_gen::control::LinearLaw;
 use nalgebra::Complex;
 
 fn run(edits: &[(&str, &str)]) -> (Looped, Robust) {
@@ -27,7 +27,7 @@ fn without_variation_nothing_moves() {
     let spread = robust.peak_sensitivity;
     assert_eq!((spread.min, spread.max), (spread.nominal, spread.nominal));
     assert!((spread.nominal - shaped.peak_sensitivity.value).abs() < 1e-9);
-    for (moving, hz) in robust.open.iter().zip(study.model.modes().hertz()) {
+    for (moving, hz) in robust.open.iter().zip(study.model().modes().hertz()) {
         assert_eq!(moving.hz.min, moving.hz.max);
         assert!((moving.hz.nominal / hz - 1.0).abs() < 1e-9);
     }
@@ -78,7 +78,7 @@ fn a_drawn_machine_is_one_that_could_be_typed() {
         ("bodies.lens.cog", "[0.02, -0.02, -0.08]"),
     ]));
     let closed = SampledLoop {
-        plant: &light.plant,
+        plant: light.plant(),
         law: LinearLaw::new(table),
     };
     let stable = |s: &Complex<f64>| s.re < 0.0;

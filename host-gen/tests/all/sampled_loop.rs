@@ -4,13 +4,14 @@ use core::f64::consts::TAU;
 
 use crate::common::{edited, encirclements, frame, looped, looped_frame, searched, study};
 use host_gen::closed_loop::{LoopGrid, SampledLoop, stable};
-use host_gen::law::LinearLaw;
-use host_gen::linear::largest_singular_value;
+use host_gen::control::LinearLaw;
+use host_gen::control::table::direct;
+use host_gen::design::outcome::Advice;
+use host_gen::design::{Design, DesignError, Shaping};
 use host_gen::machine::Simulation;
+use host_gen::numeric::singular::largest_singular_value;
 use host_gen::plant::{Gain, StateSpace};
-use host_gen::shaping::{Nearest, Shaped, Shaping, ShapingError};
-use host_gen::simulation::run;
-use host_gen::table::direct;
+use host_gen::simulate::run::run;
 use nalgebra::{Complex, DMatrix, Matrix6};
 
 /// e^(At) and the integral of e^(As)·B over t, by one exponential of an
@@ -90,8 +91,8 @@ fn sampling_is_exact() {
         let edits: Vec<_> = text.iter().map(|(key, value)| (*key, &**value)).collect();
         let study = study(&edited(&edits));
         let period = 50e-6;
-        let outputs = study.plant.plant.performance().end;
-        let whole = &study.plant.plant.state_space;
+        let outputs = study.plant().plant.performance().end;
+        let whole = &study.plant().plant.state_space;
         let StateSpace { a, b, c, d } = match lags {
             Some((actuator, sensor)) => with_lags(whole, outputs, TAU * actuator, TAU * sensor),
             None => StateSpace {
@@ -111,7 +112,7 @@ fn sampling_is_exact() {
         let before = rest * early;
         let complex = |m: &DMatrix<f64>| m.map(Complex::from);
         for hz in [0.5, 13.9, 83.0, 1000.0, 9000.0] {
-            let response = study.plant.response(hz);
+            let response = study.plant().response(hz);
             let near = |what: &str, expected: DMatrix<Complex<f64>>, found: Gain| {
                 let error = (&expected - found).camax() / expected.camax();
                 assert!(
@@ -153,7 +154,7 @@ fn sampling_is_exact() {
     }
 }
 
-fn corner_of(shaped: &Shaped) -> f64 {
+fn corner_of(shaped: &Design) -> f64 {
     match shaped.shaping {
         Shaping::Common { corner_hz } => corner_hz,
         Shaping::Modes { .. } => panic!("not the direct law"),
@@ -172,16 +173,16 @@ fn stability_by_nyquist() {
         (5.0, false),
     ] {
         let table = direct(
-            &study.machine,
-            &study.plant,
-            &study.machine.target,
-            &study.gains,
+            study.machine(),
+            study.plant(),
+            &study.machine().target,
+            study.gains(),
             corner,
         )
         .unwrap();
         let law = LinearLaw::new(&table);
         let closed = SampledLoop {
-            plant: &study.plant,
+            plant: study.plant(),
             law,
         };
         let poles = closed.poles().unwrap();
@@ -201,13 +202,13 @@ fn stability_by_nyquist() {
 fn the_corner_is_the_highest_within_the_bound() {
     let (study, table, shaped) = looped_frame();
     let worst = |law: &LinearLaw| {
-        let to = study.design.modal.transpose().map(Complex::from);
+        let to = study.design_model().modal.transpose().map(Complex::from);
         let from = to.try_inverse().unwrap();
         let mut worst: f64 = 0.0;
         for i in 0..12_000 {
             let hz = 0.02 * (0.5e4 * 2.0 / 0.02_f64).powf(f64::from(i) / 11_999.0);
-            let c = law.response(study.plant.z(hz));
-            let g = study.plant.response(hz).g22();
+            let c = law.response(study.plant().z(hz));
+            let g = study.plant().response(hz).g22();
             for (l, part) in [
                 (-(to * (&c * &g) * from), 1.0),
                 // Legs and sensors may have half as much again.
@@ -226,10 +227,10 @@ fn the_corner_is_the_highest_within_the_bound() {
     let elsewhere = found.at_legs.max(found.at_sensors) / 1.5;
     assert!((chosen - found.value.max(elsewhere)).abs() < 2e-3);
     let higher = direct(
-        &study.machine,
-        &study.plant,
-        &study.machine.target,
-        &study.gains,
+        study.machine(),
+        study.plant(),
+        &study.machine().target,
+        study.gains(),
         1.03 * corner_of(shaped),
     )
     .unwrap();
@@ -240,19 +241,19 @@ fn the_corner_is_the_highest_within_the_bound() {
 #[test]
 fn bound_by_pivots_is_bound_by_singular_values() {
     let study = frame();
-    let grid = LoopGrid::new(&study.plant, &study.design.modal, 0.001, &[]);
+    let grid = LoopGrid::new(study.plant(), &study.design_model().modal, 0.001, &[]);
     // Not nearer to instability, where the peak is narrower than the grid.
     for corner in [0.2, 0.84, 1.2] {
         let table = direct(
-            &study.machine,
-            &study.plant,
-            &study.machine.target,
-            &study.gains,
+            study.machine(),
+            study.plant(),
+            &study.machine().target,
+            study.gains(),
             corner,
         )
         .unwrap();
         let law = LinearLaw::new(&table);
-        let peak = grid.peak(&study.plant, &law).value;
+        let peak = grid.peak(study.plant(), &law).value;
         assert!(grid.within(&law, 1.001 * peak));
         assert!(!grid.within(&law, 0.99 * peak));
     }
@@ -271,12 +272,12 @@ fn rms_in_time_is_rms_from_spectra() {
         seed: 3,
     };
     // A quiet board, so that only the floor speaks.
-    study.machine.board.adc_noise = 0.0;
-    study.machine.board.dac_noise = 0.0;
-    study.machine.board.sensor.noise_density = 0.0;
+    study.machine().board.adc_noise = 0.0;
+    study.machine().board.dac_noise = 0.0;
+    study.machine().board.sensor.noise_density = 0.0;
     let (table, _) = study.table().unwrap();
     let closed_loop = SampledLoop {
-        plant: &study.plant,
+        plant: study.plant(),
         law: LinearLaw::new(&table),
     };
     // Second-order Butterworth magnitudes; the bilinear warp is nil here.
@@ -285,7 +286,7 @@ fn rms_in_time_is_rms_from_spectra() {
     let step = 0.05;
     let grid: Vec<f64> = (1..20_000).map(|i| step * f64::from(i)).collect();
     let total: f64 = grid.iter().map(|&hz| shape(hz) * step).sum();
-    let rows = study.plant.plant.performance();
+    let rows = study.plant().plant.performance();
     let rms = |row: usize, closed: bool| {
         let power: f64 = grid
             .iter()
@@ -293,7 +294,7 @@ fn rms_in_time_is_rms_from_spectra() {
                 let gain = if closed {
                     closed_loop.close(hz, rows.clone())
                 } else {
-                    study.plant.response(hz).from_floor(rows.clone())
+                    study.plant().response(hz).from_floor(rows.clone())
                 };
                 gain.row(row).norm_squared() * shape(hz) * step
             })
@@ -302,8 +303,8 @@ fn rms_in_time_is_rms_from_spectra() {
     };
     for closed in [false, true] {
         let measured = run(
-            &study.plant,
-            &study.machine.board,
+            study.plant(),
+            &study.machine().board,
             &settings,
             &table,
             closed,
@@ -331,7 +332,7 @@ fn unreachable_targets_name_the_nearest() {
             &searched(&text).1
         };
         let error = edits(frequency).as_ref().unwrap_err();
-        let ShapingError::Unreachable {
+        let DesignError::Unreachable {
             nearest: Nearest::At(nearest),
             ..
         } = *error
@@ -348,7 +349,7 @@ fn unreachable_targets_name_the_nearest() {
         .unwrap_err();
     assert!(matches!(
         hopeless,
-        ShapingError::Unreachable {
+        DesignError::Unreachable {
             nearest: Nearest::None,
             ..
         }
@@ -377,14 +378,14 @@ fn other_boards() {
     ] {
         let (study, table, shaped) = looped(&edited(&edits));
         let law = LinearLaw::new(table);
-        assert!(shaped.peak_sensitivity.value <= study.machine.target.max_sensitivity);
+        assert!(shaped.peak_sensitivity.value <= study.machine().target.max_sensitivity);
         assert_eq!(encirclements(study, &law), 0, "{edits:?}");
         let closed = SampledLoop {
-            plant: &study.plant,
+            plant: study.plant(),
             law,
         };
-        let rows = study.plant.plant.performance();
-        let open = largest_singular_value(&study.plant.response(13.91).from_floor(rows.clone()));
+        let rows = study.plant().plant.performance();
+        let open = largest_singular_value(&study.plant().response(13.91).from_floor(rows.clone()));
         assert!(
             largest_singular_value(&closed.close(13.91, rows)) < 0.05 * open,
             "{edits:?}"
@@ -397,22 +398,22 @@ fn other_boards() {
 /// integral of the performance is a state of the march.
 #[test]
 fn the_rig_marches_as_the_state_space_does() {
-    use host_gen::simulation::Rig;
+    use host_gen::simulate::Rig;
     use shared::codes::DacCode;
     for latch in [50e-6, 20e-6, 130e-6, 0.0] {
         let mut study = study(&edited(&[
             ("board.conversion_delay", "0.0"),
             ("board.output_delay", &format!("{latch:?}")),
         ]));
-        let board = &mut study.machine.board;
+        let board = &mut study.machine().board;
         (board.adc_noise, board.dac_noise, board.sensor.noise_density) = (0.0, 0.0, 0.0);
         // Volts that no code can miss: compare the performance, not the codes.
         let settings = Simulation {
             floor_rms: 0.0,
-            ..study.machine.simulation
+            ..study.machine().simulation
         };
-        let mut rig = Rig::new(study.plant.clone(), board, &settings);
-        let plant = &study.plant.plant;
+        let mut rig = Rig::new(study.plant().clone(), board, &settings);
+        let plant = &study.plant().plant;
         let StateSpace { a, b, c, d } = &plant.state_space;
         let rows = plant.performance();
         let count = rows.len();
@@ -443,7 +444,7 @@ fn the_rig_marches_as_the_state_space_does() {
                 DacCode(20_000 + (word % 20_000) as u16)
             });
             past.pop();
-            let board = &study.machine.board;
+            let board = &study.machine().board;
             past.insert(
                 0,
                 nalgebra::DVector::from_iterator(
@@ -471,17 +472,17 @@ fn the_rig_marches_as_the_state_space_does() {
 /// pulse of the legs puts some in, a hundred thousand steps later it is there.
 #[test]
 fn the_undamped_simulation_keeps_its_energy() {
-    use host_gen::simulation::Rig;
+    use host_gen::simulate::Rig;
     use shared::codes::DacCode;
     let mut study = study(&edited(&[("damping.modal", "0.0")]));
-    let board = &mut study.machine.board;
+    let board = &mut study.machine().board;
     (board.adc_noise, board.dac_noise, board.sensor.noise_density) = (0.0, 0.0, 0.0);
     let settings = Simulation {
         floor_rms: 0.0,
-        ..study.machine.simulation
+        ..study.machine().simulation
     };
-    let mut rig = Rig::new(study.plant.clone(), &study.machine.board, &settings);
-    let rest = [study.machine.board.dac.middle(); 6];
+    let mut rig = Rig::new(study.plant().clone(), &study.machine().board, &settings);
+    let rest = [study.machine().board.dac.middle(); 6];
     let push = [60_000, 20_000, 33_000, 50_000, 10_000, 40_000].map(DacCode);
     // The mean square of the performance over ten seconds: a weighted sum of
     // the energies of all modes.

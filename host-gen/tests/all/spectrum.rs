@@ -3,9 +3,10 @@
 use core::f64::consts::TAU;
 
 use crate::common::{edited, frame, looped};
+use host_gen::analysis::criterion::Criterion;
+use host_gen::analysis::vibration::{Floor, budget};
 use host_gen::machine::Simulation;
-use host_gen::simulation::run;
-use host_gen::spectrum::{Criterion, Floor, budget};
+use host_gen::simulate::run::run;
 
 /// The table of the IEST, µm/s, and the density from a band velocity.
 #[test]
@@ -53,13 +54,13 @@ fn a_table_is_straight_on_logarithmic_axes() {
 #[test]
 fn resonances_are_integrated() {
     let study = frame();
-    let board = &study.machine.board;
+    let board = &study.machine().board;
     let floor = Floor::White(1e-4);
-    let open = budget(&study.plant, board, None, &floor, [0.5, 300.0]).unwrap();
+    let open = budget(study.plant(), board, None, &floor, [0.5, 300.0]).unwrap();
     // A second method: Simpson on a grid two hundred times as fine.
     let row = 2;
     let fine: f64 = {
-        let plant = &study.plant.plant;
+        let plant = &study.plant().plant;
         let power = |hz: f64| {
             let gain = plant.response(hz).from_floor(plant.performance());
             gain.row(row).norm_squared() * 1e-8
@@ -94,12 +95,12 @@ fn the_budget_is_what_the_simulation_shows() {
             floor_band: [5.0, 60.0],
             seed: 2,
         };
-        let board = &mut study.machine.board;
+        let board = &mut study.machine().board;
         // Loud enough that rounding to codes does not count.
         board.sensor.noise_density = if source == 1 { 2e-6 } else { 0.0 };
         board.adc_noise = if source == 2 { 4e-3 } else { 0.0 };
         board.dac_noise = if source == 3 { 2e-3 } else { 0.0 };
-        let board = &study.machine.board;
+        let board = &study.machine().board;
         let [low, high] = settings.floor_band;
         let shape =
             |hz: f64| (1.0 / (1.0 + (low / hz).powi(4)) / (1.0 + (hz / high).powi(4))).sqrt();
@@ -110,8 +111,8 @@ fn the_budget_is_what_the_simulation_shows() {
                 .map(|hz| (hz, settings.floor_rms * shape(hz) / total.sqrt()))
                 .collect(),
         );
-        let budget = budget(&study.plant, board, Some(table), &floor, [0.3, 9000.0]).unwrap();
-        let run = run(&study.plant, board, &settings, table, true);
+        let budget = budget(study.plant(), board, Some(table), &floor, [0.3, 9000.0]).unwrap();
+        let run = run(study.plant(), board, &settings, table, true);
         assert_eq!(
             run.clamped_steps, 0,
             "source {source}, {} N",
@@ -140,11 +141,11 @@ fn the_budget_is_what_the_simulation_shows() {
 #[test]
 fn slow_bands_ride_with_the_floor() {
     let study = frame();
-    let board = &study.machine.board;
+    let board = &study.machine().board;
     let floor = Floor::Criterion(Criterion::VcD);
-    let open = budget(&study.plant, board, None, &floor, [0.5, 300.0]).unwrap();
+    let open = budget(study.plant(), board, None, &floor, [0.5, 300.0]).unwrap();
     // Base motion along x from the six inputs, R⁻¹, at the mounts' height.
-    let inverse = study.model.floor_inverse();
+    let inverse = study.model().floor_inverse();
     let expected = (0..3)
         .map(|axis| inverse.row(axis).norm())
         .fold(0.0, f64::max)

@@ -27,9 +27,9 @@ use firmware::loop_task::BoardController;
 use firmware::ram_flash::RamFlash;
 use firmware::store::Store;
 use firmware::tables::{self, Entry};
+use host_gen::design::Study;
 use host_gen::machine::Machine;
-use host_gen::simulation::Rig;
-use host_gen::study::Study;
+use host_gen::simulate::Rig;
 use shared::controller::{ControllerReport, Refusal};
 use shared::injection::{Injection, Signal};
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
@@ -94,7 +94,7 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> Outcome<bool> {
     let study = Study::new(Machine::load(&cli.model)?)?;
-    let name = &study.machine.name;
+    let name = &study.machine().name;
     let Some(entry) = tables::ALL.iter().find(|entry| entry.machine == name) else {
         return Err(format!("the firmware has no table of {name}").into());
     };
@@ -155,9 +155,9 @@ fn serve(study: &Study, machine: &str, image: &Path, address: &str) -> Outcome<b
     let mut process = emulator(machine, image, &[&socket.argument(), &link])?;
     let mut converters = socket.accept(&mut process)?;
     let mut rig = Rig::new(
-        study.plant.clone(),
-        &study.machine.board,
-        &study.machine.simulation,
+        study.plant().clone(),
+        &study.machine().board,
+        &study.machine().simulation,
     );
     let mut sample = || -> Outcome<()> {
         let request = request(rig.sample());
@@ -190,7 +190,7 @@ fn in_the_loop(
     image: Option<&Path>,
 ) -> Outcome<Count> {
     let start = Instant::now();
-    let settings = &study.machine.simulation;
+    let settings = &study.machine().simulation;
     // One a run of this program and board, as on a board.
     let room = vec![Record::NONE; ROOM].leak();
     let host: &'static BoardController = Box::leak(Box::new(BoardController::new()));
@@ -200,7 +200,7 @@ fn in_the_loop(
         board: image
             .map(|image| Emulated::start(machine, image))
             .transpose()?,
-        rig: Rig::new(study.plant.clone(), &study.machine.board, settings),
+        rig: Rig::new(study.plant().clone(), &study.machine().board, settings),
         link: LinkTask::begin(host, entry, Limits::NONE, store, room),
         host,
         session: 0,

@@ -12,10 +12,11 @@ type Level = fn(&Band) -> f64;
 impl Display for MachineComparison {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let mut rows = Vec::new();
-        let line = |rows: &mut Vec<Vec<String>>, title: &str, cell: &dyn Fn(&MachineColumn) -> String| {
-            let title = [title.to_owned()].into_iter();
-            rows.push(title.chain(self.machines.iter().map(cell)).collect());
-        };
+        let line =
+            |rows: &mut Vec<Vec<String>>, title: &str, cell: &dyn Fn(&MachineColumn) -> String| {
+                let title = [title.to_owned()].into_iter();
+                rows.push(title.chain(self.machines.iter().map(cell)).collect());
+            };
         line(&mut rows, "", &|c| c.machine.clone());
         line(&mut rows, "feedback", &|c| c.feedback.to_owned());
         let list = |rows: &mut Vec<_>, title: &str, of: &dyn Fn(&MachineColumn) -> &[f64]| {

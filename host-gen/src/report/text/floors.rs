@@ -22,7 +22,10 @@ impl Display for FloorAnalysis {
             row
         });
         write_table(f, 2, 2, [head].into_iter().chain(rows))?;
-        writeln!(f, "  The shares are those of the power with the loop closed.")?;
+        writeln!(
+            f,
+            "  The shares are those of the power with the loop closed."
+        )?;
         writeln!(
             f,
             "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   main source, closed"

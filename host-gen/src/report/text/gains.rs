@@ -20,26 +20,26 @@ fn write_rows(f: &mut Formatter<'_>, title: &str, rows: &Rows) -> fmt::Result {
 
 /// The gains alone.
 pub(super) fn write_gains(all: &GainAnalysis, f: &mut Formatter<'_>) -> fmt::Result {
-        let (p, i) = if all.feedback == "force" {
-            ("K_P, Eq. (22)", "K_I, 1/s, Eq. (22)")
-        } else {
-            ("K_a, N/(m/s²), Eq. (19)", "K_v, N/(m/s), Eq. (20)")
-        };
-        writeln!(
-            f,
-            "{TITLE}Gains for {} feedback, {} Hz, damping {}{TITLE:#}",
-            all.feedback, all.frequency_hz, all.damping
-        )?;
-        for (title, gains) in [(p, &all.proportional), (i, &all.integral)] {
-            let head = [title.to_owned()].into_iter().chain(all.sensors.clone());
-            let rows = all.actuators.iter().zip(gains).map(|(leg, row)| {
-                let gains = row.iter().map(|x| format!("{x:.4e}"));
-                [leg.clone()].into_iter().chain(gains).collect()
-            });
-            write_table(f, 2, 1, [head.collect()].into_iter().chain(rows))?;
-        }
-        Ok(())
+    let (p, i) = if all.feedback == "force" {
+        ("K_P, Eq. (22)", "K_I, 1/s, Eq. (22)")
+    } else {
+        ("K_a, N/(m/s²), Eq. (19)", "K_v, N/(m/s), Eq. (20)")
+    };
+    writeln!(
+        f,
+        "{TITLE}Gains for {} feedback, {} Hz, damping {}{TITLE:#}",
+        all.feedback, all.frequency_hz, all.damping
+    )?;
+    for (title, gains) in [(p, &all.proportional), (i, &all.integral)] {
+        let head = [title.to_owned()].into_iter().chain(all.sensors.clone());
+        let rows = all.actuators.iter().zip(gains).map(|(leg, row)| {
+            let gains = row.iter().map(|x| format!("{x:.4e}"));
+            [leg.clone()].into_iter().chain(gains).collect()
+        });
+        write_table(f, 2, 1, [head.collect()].into_iter().chain(rows))?;
     }
+    Ok(())
+}
 
 fn write_poles(f: &mut Formatter<'_>, title: &str, poles: &[Pole]) -> fmt::Result {
     writeln!(f, "{title}")?;

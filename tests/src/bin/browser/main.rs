@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Parser;
+use host_gen::analysis::criterion::Criterion;
+use host_gen::design::Study;
 use host_gen::machine::Machine;
 use host_gen::report::chart::Chart;
 use host_gen::report::page::page;
 use host_gen::report::{Report, Review};
-use host_gen::spectrum::Criterion;
-use host_gen::study::Study;
 use serde_json::Value;
 use webdriver::Browser;
 
@@ -204,13 +204,13 @@ impl<'a> Seen<'a> {
     /// Nodes move as the model's shapes say, and the picture moves.
     fn modes(&self, machine: &Machine) -> Result<()> {
         let study = Study::new(machine.clone())?;
-        let shapes = study.model.modes().shapes;
+        let shapes = study.model().modes().shapes;
         for mode in 0..shapes.ncols() {
             let shape = shapes.column(mode).into_owned();
             let there = self.ask(&format!("JSON.stringify(stage.scene.nodes.map((n) => stage.shapeAt(stage.modes[{mode}], n)))"))?;
             let there: Vec<[f64; 3]> = serde_json::from_str(there.as_str().context("no text")?)?;
             for (node, there) in there.iter().enumerate() {
-                let here = study.model.translation(machine, node, &shape);
+                let here = study.model().translation(machine, node, &shape);
                 let off = (here - nalgebra::Vector3::from(*there)).norm();
                 ensure!(off < 1e-9, "mode {mode}, node {node}: {here} and {there:?}");
             }

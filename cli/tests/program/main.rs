@@ -1,6 +1,6 @@
 //! The program as a user, and another program, has it.
 
 mod command_line;
-#[path = "../all/common.rs"]
-mod common;
+#[path = "../../../host-gen/tests/all/edits.rs"]
+mod edits;
 mod link;

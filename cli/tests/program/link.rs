@@ -4,11 +4,11 @@ use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use crate::common::model_path;
-use host_gen::frf::{Settings, measure};
-use host_gen::link::{Address, Client, LinkError};
+use crate::edits::model_path;
+use host_gen::board::link::{Address, Client, LinkError};
+use host_gen::board::measure::{MeasurementSettings, measure};
+use host_gen::design::Study;
 use host_gen::machine::Machine;
-use host_gen::study::Study;
 use shared::controller::Refusal;
 use shared::link::Request;
 use shared::recorder::{Recording, Trigger};
