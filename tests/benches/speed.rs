@@ -5,7 +5,7 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use host_gen::design::Study;
+use host_gen::design::{Search, Study};
 use host_gen::machine::{Machine, Simulation};
 use host_gen::numeric::singular::largest_singular_value;
 use host_gen::simulate::run::run;
@@ -45,7 +45,8 @@ fn sigma(criterion: &mut Criterion) {
 /// 200,000 steps of plant, converters with noise, and the controller's step.
 fn closed_loop(criterion: &mut Criterion) {
     let study = study();
-    let (table, _) = study.table().expect("the target is reached");
+    let design = Search::FULL.design(&study);
+    let table = design.expect("the target is reached").table;
     let board = &study.machine().board;
     let settings = Simulation {
         duration: 10.0,
