@@ -172,6 +172,7 @@ fn frame() -> MachineFile {
             damping: 0.7,
             max_sensitivity: 2.0,
             law: LawName::Modal,
+            shapes: None,
             minimise: Minimise::Peaks,
         },
         board: BoardEntry {

@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use crate::common::{assert_digits, edited, frame, model_path, study};
+use crate::common::{assert_digits, edited, frame, model_path, search, study};
 use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
 use host_gen::closed_loop::ideal_poles;
 use host_gen::design::{DesignedStudy, Study};
@@ -131,7 +131,7 @@ fn energies_say_what_a_mode_is() {
     // Rayleigh: strain energy is what the frequency comes from. A leg 1 %
     // stiffer raises f² by 1 % of that leg's share of the strain energy.
     let stiffer = study_with_leg4(1.01);
-    let moved = stiffer.model.modes();
+    let moved = stiffer.model().modes();
     for (i, energies) in all.iter().enumerate() {
         // Pairs of equal modes split; single ones do not.
         if [2, 5, 10, 11].contains(&i) {
@@ -177,7 +177,7 @@ fn legs_carry_the_weight() {
     ]);
     for leg in 0..6 {
         let expected = -1593.6 * 9.81 / 6.0 * 2f64.sqrt();
-        let load = struts.model.statics.axial[leg];
+        let load = struts.model().statics.axial[leg];
         assert!((load / expected - 1.0).abs() < 1e-9, "{load} N");
     }
 }
@@ -213,7 +213,7 @@ fn the_low_parasitic_legs_cannot_carry_the_machine() {
     };
     assert!(!grows(&frame));
     assert!(grows(&low));
-    let refused = low.table().unwrap_err().to_string();
+    let refused = search().design(&low).unwrap_err().to_string();
     assert!(refused.contains("unstable under gravity"), "{refused}");
 }
 
@@ -225,7 +225,7 @@ fn damping_by_formula() {
         table["damping"].as_table_mut().unwrap().remove("modal");
         let study = study(&table.to_string());
         let poles: Vec<(f64, f64)> = study
-            .plant
+            .plant()
             .plant
             .poles
             .iter()
@@ -278,14 +278,14 @@ fn dampers_along_legs() {
         assert!(error < 1e-8, "{hz} Hz: {error:.1e}");
     }
     // Damped poles in the sampled loop's matrix too.
-    assert!(ideal_poles(&plant.state_space, study.gains()).is_some());
-    assert!(study.table().is_ok());
+    assert!(ideal_poles(&plant.state_space, study.gains()).is_ok());
+    assert!(search().design(&study).is_ok());
 }
 
 /// The frame with each kind of feedback, searched once.
-fn looped() -> &'static [Looped] {
-    static FRAME: LazyLock<Vec<Looped>> =
-        LazyLock::new(|| Looped::by_feedback(&frame().machine, &|| {}).unwrap());
+fn looped() -> &'static [DesignedStudy] {
+    static FRAME: LazyLock<Vec<DesignedStudy>> =
+        LazyLock::new(|| DesignedStudy::by_feedback(frame().machine(), &search()).unwrap());
     &FRAME
 }
 
@@ -295,7 +295,7 @@ fn sigma_from_the_exported_matrices() {
     let study = frame();
     let Generalised { a, b, c, d } = Generalised::new(&study.plant().plant);
     assert_eq!((c.shape(), d.shape()), ((12, 24), (12, 12)));
-    let sigma = Sigma::new(study.machine(), looped(), adaptive(0.5, 200.0, 100)).unwrap();
+    let sigma = SigmaAnalysis::new(study.machine(), looped(), adaptive(0.5, 200.0, 100)).unwrap();
     let json = serde_json::to_value(&sigma).unwrap();
     let hz: Vec<f64> = serde_json::from_value(json["hz"].clone()).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
@@ -319,7 +319,7 @@ fn sigma_from_the_exported_matrices() {
 fn no_peak_is_missed() {
     let study = frame();
     let plant = &study.plant().plant;
-    let sigma = Sigma::new(study.machine(), looped(), adaptive(5.0, 200.0, 50)).unwrap();
+    let sigma = SigmaAnalysis::new(study.machine(), looped(), adaptive(5.0, 200.0, 50)).unwrap();
     let json = serde_json::to_value(sigma).unwrap();
     let open: Vec<f64> = serde_json::from_value(json["curves"][0]["sigma_max"].clone()).unwrap();
     let highest = open.iter().copied().fold(0.0, f64::max);
@@ -353,9 +353,9 @@ fn matrix_market_reads_back() {
 /// Both kinds where there are sensors for both; one where there are not.
 #[test]
 fn kinds_of_feedback() {
-    assert_eq!(both_kinds(&frame().machine).unwrap().len(), 2);
+    assert_eq!(Study::of_each_kind(frame().machine()).unwrap().len(), 2);
     let mut table: toml::Table = edited(&[]).parse().unwrap();
     table["sensors"].as_table_mut().unwrap().remove("force");
     let machine = Machine::parse(Path::new("one.toml"), &table.to_string()).unwrap();
-    assert_eq!(both_kinds(&machine).unwrap().len(), 1);
+    assert_eq!(Study::of_each_kind(&machine).unwrap().len(), 1);
 }

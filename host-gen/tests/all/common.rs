@@ -4,10 +4,10 @@
 use core::f64::consts::TAU;
 use std::collections::HashMap;
 use std::path::Path;
-use std::sync::{Mutex, OnceLock};
+use std::sync::{LazyLock, Mutex, OnceLock};
 
 use host_gen::control::LinearLaw;
-use host_gen::design::{Design, DesignError, Search, Study};
+use host_gen::design::{Cache, Design, DesignError, Search, Study};
 use host_gen::machine::{Machine, MachineError};
 use nalgebra::Matrix6;
 use shared::table::ValidTable;
@@ -47,6 +47,16 @@ impl<T> Made<T> {
     }
 }
 
+/// A search that uses what other steps of the whole test have found, where that keeps it.
+pub fn search() -> Search<'static> {
+    static KEPT: LazyLock<Option<Cache>> =
+        LazyLock::new(|| std::env::var_os("HOST_GEN_CACHE").map(Cache::at));
+    Search {
+        cache: KEPT.as_ref(),
+        ..Search::FULL
+    }
+}
+
 /// A study and what its search comes to.
 pub type Searched = (Study, Result<Design, DesignError>);
 
@@ -55,7 +65,7 @@ pub fn searched(text: &str) -> &'static Searched {
     static ALL: Made<Searched> = Made::new();
     ALL.get(text, || {
         let study = study(text);
-        let found = Search::FULL.design(&study);
+        let found = search().design(&study);
         (study, found)
     })
 }

@@ -50,7 +50,8 @@ fn modes() {
 /// Sensors blocked: the frame does not move and the lens is left.
 #[test]
 fn zeros_of_acceleration_feedback() {
-    let model = frame().model;
+    let frame = frame();
+    let model = frame.model();
     let lens = |m: &DMatrix<f64>| m.view((6, 6), (6, 6)).into_owned();
     assert_all(
         &hertz(&lens(&model.stiffness), &lens(&model.mass)),

@@ -5,9 +5,11 @@ use host_gen::analysis::rounding::rounding;
 use host_gen::closed_loop::margins::margins;
 use host_gen::closed_loop::{SampledLoop, stable};
 use host_gen::control::LinearLaw;
+use host_gen::control::gains::ModalTransform;
 use host_gen::control::shape::{Resonance, Shape};
 use host_gen::control::table::{direct, modal};
 use host_gen::design::Study;
+use host_gen::design::outcome::Advice;
 use host_gen::design::{Design, DesignError};
 use host_gen::machine::Simulation;
 use host_gen::numeric::frequencies::pole_peaks;
@@ -158,7 +160,7 @@ fn forces_are_the_accelerations_of_the_whole() {
         ("profiles.leg.torsion", "0.0"),
         ("damping.modal", "0.0"),
     ]));
-    let transform = study.design_model().transform();
+    let transform = ModalTransform::new(study.design_model());
     let response = study.plant().plant.response(2.0);
     for gain in [response.from_floor(0..12), response.g22()] {
         let kind = |input: Matrix6<f64>, first: usize| {
@@ -316,11 +318,12 @@ fn the_nearest_is_within_reach() {
         &searched(&text).1
     };
     let error = frame(1.0).as_ref().unwrap_err();
-    let DesignError::Unreachable { nearest, .. } = *error else {
+    let DesignError::Unreachable {
+        advice: Advice::Nearest(hz),
+        ..
+    } = *error
+    else {
         panic!("{error}");
-    };
-    let host_gen::design::outcome::Advice::Nearest(hz) = nearest else {
-        panic!("{nearest:?}");
     };
     assert!(frame(hz).is_ok());
 }

@@ -3,7 +3,7 @@
 
 use std::sync::LazyLock;
 
-use crate::common::{edited, looped_frame, model_path, parse, study};
+use crate::common::{edited, looped_frame, model_path, parse, search, study};
 use host_gen::analysis::criterion::Criterion;
 use host_gen::design::Study;
 use host_gen::machine::Machine;
@@ -19,7 +19,7 @@ use serde_json::Value;
 /// Under the direct law, whose search is short.
 fn report(edits: &[(&str, &str)]) -> Report {
     let machine = parse(&edited(edits)).unwrap();
-    Report::new(&machine, Criterion::VcC, &|| {}).unwrap()
+    Report::new(&machine, Criterion::VcC, &search()).unwrap()
 }
 
 fn value(review: &Review) -> Value {
@@ -322,7 +322,7 @@ fn warnings_and_what_is_missing() {
     assert!(missing.contains("force, sampled"), "{missing}");
 
     let machine = parse(&edited(&[("control.feedback", "\"force\"")]));
-    let report = Report::new(&machine.unwrap(), Criterion::VcC, &|| {}).unwrap();
+    let report = Report::new(&machine.unwrap(), Criterion::VcC, &search()).unwrap();
     let json = value(&Review::new(vec![report]).unwrap());
     let reason = json["machines"][0]["missing"].as_str().unwrap();
     assert!(reason.contains("cannot be reached"), "{reason}");

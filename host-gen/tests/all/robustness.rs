@@ -6,10 +6,17 @@ use host_gen::closed_loop::SampledLoop;
 use host_gen::control::LinearLaw;
 use nalgebra::Complex;
 
-fn run(edits: &[(&str, &str)]) -> (Looped, Robust) {
+fn run(edits: &[(&str, &str)]) -> (Looped, PerturbedSpread) {
     let looped = looped(&edited(edits));
     let (study, table, shaped) = looped;
-    let robust = monte_carlo(study, table, &shaped.bands, || {}).unwrap();
+    let robust = monte_carlo(
+        study,
+        &study.machine().robustness,
+        table,
+        &shaped.bands,
+        &(),
+    )
+    .unwrap();
     (looped, robust)
 }
 
@@ -85,7 +92,7 @@ fn a_drawn_machine_is_one_that_could_be_typed() {
     assert!(closed.poles().unwrap().iter().all(stable));
     // It lies within what the run finds.
     let (_, robust) = run(&[("robustness.samples", "400")]);
-    for (moving, hz) in robust.open.iter().zip(light.model.modes().hertz()) {
+    for (moving, hz) in robust.open.iter().zip(light.model().modes().hertz()) {
         assert!(
             hz > 0.99 * moving.hz.min && hz < 1.01 * moving.hz.max,
             "{hz}"

@@ -2,13 +2,15 @@
 
 use core::f64::consts::TAU;
 
-use crate::common::{edited, encirclements, frame, looped, looped_frame, searched, study};
+use crate::common::{
+    edited, encirclements, frame, looped, looped_frame, parse, search, searched, study,
+};
 use host_gen::closed_loop::{LoopGrid, SampledLoop, stable};
 use host_gen::control::LinearLaw;
 use host_gen::control::table::direct;
 use host_gen::design::outcome::Advice;
-use host_gen::design::{Design, DesignError, Shaping};
-use host_gen::machine::Simulation;
+use host_gen::design::{Design, DesignError, Shaping, Study};
+use host_gen::machine::{Board, Simulation};
 use host_gen::numeric::singular::largest_singular_value;
 use host_gen::plant::{Gain, StateSpace};
 use host_gen::simulate::run::run;
@@ -263,7 +265,10 @@ fn bound_by_pivots_is_bound_by_singular_values() {
 /// 10 % so that a minute holds hundreds of independent swings.
 #[test]
 fn rms_in_time_is_rms_from_spectra() {
-    let mut study = study(&edited(&[("damping.modal", "0.1")]));
+    // A quiet board, so that only the floor speaks.
+    let mut machine = parse(&edited(&[("damping.modal", "0.1")])).unwrap();
+    quiet(&mut machine.board);
+    let study = Study::new(machine).unwrap();
     let settings = Simulation {
         duration: 60.0,
         settling: 10.0,
@@ -271,11 +276,7 @@ fn rms_in_time_is_rms_from_spectra() {
         floor_band: [5.0, 60.0],
         seed: 3,
     };
-    // A quiet board, so that only the floor speaks.
-    study.machine().board.adc_noise = 0.0;
-    study.machine().board.dac_noise = 0.0;
-    study.machine().board.sensor.noise_density = 0.0;
-    let (table, _) = study.table().unwrap();
+    let table = search().design(&study).unwrap().table;
     let closed_loop = SampledLoop {
         plant: study.plant(),
         law: LinearLaw::new(&table),
@@ -333,7 +334,7 @@ fn unreachable_targets_name_the_nearest() {
         };
         let error = edits(frequency).as_ref().unwrap_err();
         let DesignError::Unreachable {
-            nearest: Nearest::At(nearest),
+            advice: Advice::Nearest(nearest),
             ..
         } = *error
         else {
@@ -344,13 +345,12 @@ fn unreachable_targets_name_the_nearest() {
         assert!(edits(nearest).is_ok());
         assert!(edits(0.95 * nearest).is_err());
     }
-    let hopeless = study(&edited(&[("control.damping", "30.0")]))
-        .table()
-        .unwrap_err();
+    let hopeless = study(&edited(&[("control.damping", "30.0")]));
+    let hopeless = search().design(&hopeless).unwrap_err();
     assert!(matches!(
         hopeless,
         DesignError::Unreachable {
-            nearest: Nearest::None,
+            advice: Advice::NoFrequency,
             ..
         }
     ));
@@ -401,12 +401,14 @@ fn the_rig_marches_as_the_state_space_does() {
     use host_gen::simulate::Rig;
     use shared::codes::DacCode;
     for latch in [50e-6, 20e-6, 130e-6, 0.0] {
-        let mut study = study(&edited(&[
+        let text = edited(&[
             ("board.conversion_delay", "0.0"),
             ("board.output_delay", &format!("{latch:?}")),
-        ]));
-        let board = &mut study.machine().board;
-        (board.adc_noise, board.dac_noise, board.sensor.noise_density) = (0.0, 0.0, 0.0);
+        ]);
+        let mut machine = parse(&text).unwrap();
+        quiet(&mut machine.board);
+        let study = Study::new(machine).unwrap();
+        let board = &study.machine().board;
         // Volts that no code can miss: compare the performance, not the codes.
         let settings = Simulation {
             floor_rms: 0.0,
@@ -474,9 +476,9 @@ fn the_rig_marches_as_the_state_space_does() {
 fn the_undamped_simulation_keeps_its_energy() {
     use host_gen::simulate::Rig;
     use shared::codes::DacCode;
-    let mut study = study(&edited(&[("damping.modal", "0.0")]));
-    let board = &mut study.machine().board;
-    (board.adc_noise, board.dac_noise, board.sensor.noise_density) = (0.0, 0.0, 0.0);
+    let mut machine = parse(&edited(&[("damping.modal", "0.0")])).unwrap();
+    quiet(&mut machine.board);
+    let study = Study::new(machine).unwrap();
     let settings = Simulation {
         floor_rms: 0.0,
         ..study.machine().simulation
@@ -501,4 +503,9 @@ fn the_undamped_simulation_keeps_its_energy() {
     let last = window(200_000, rest);
     // Beats of neighbouring modes over ten seconds: below a per mille.
     assert!((last / first - 1.0).abs() < 1e-3, "{first:e} {last:e}");
+}
+
+/// A board that adds nothing of its own.
+fn quiet(board: &mut Board) {
+    (board.adc_noise, board.dac_noise, board.sensor.noise_density) = (0.0, 0.0, 0.0);
 }

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Parser;
 use host_gen::analysis::criterion::Criterion;
-use host_gen::design::Study;
+use host_gen::design::{Cache, Search, Study};
 use host_gen::machine::Machine;
 use host_gen::report::chart::Chart;
 use host_gen::report::page::page;
@@ -58,7 +58,13 @@ fn run(cli: &Cli) -> Result<()> {
     let browser = Browser::start(&cli.driver, &cli.browser)?;
 
     let machine = Machine::load(Path::new(MODEL))?;
-    let report = |machine| Report::new(machine, Criterion::VcC, &|| {});
+    // Other steps of the whole test have searched for these already.
+    let cache = std::env::var_os("HOST_GEN_CACHE").map(Cache::at);
+    let search = Search {
+        cache: cache.as_ref(),
+        ..Search::FULL
+    };
+    let report = |machine| Report::new(machine, Criterion::VcC, &search);
     let review = Review::new(vec![report(&machine)?])?;
     let seen = Seen::open(&browser, &write(folder.path(), "one.html", &review)?)?;
     seen.charts(&charts(&review))?;
