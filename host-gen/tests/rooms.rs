@@ -1,0 +1,4 @@
+//! Each room of the library imports only from the rooms above it.
+
+#[path = "../../shared/tests/rooms.rs"]
+mod rooms;
