@@ -8,8 +8,8 @@ use crate::numeric::singular::largest_singular_value;
 use crate::plant::Gain;
 
 /// The lower and upper frequency, Hz, between which the corner is searched: from a tenth of the
-/// target `frequency`, Hz, to three times the highest natural frequency of `model`, or of the target
-/// if that is higher.
+/// target `frequency`, Hz, to three times the highest natural frequency of `model`, or three times
+/// the target if that is higher.
 pub fn isolation_band(model: &DesignModel, frequency: f64) -> [f64; 2] {
     let highest = model.hertz()[LEGS - 1].max(frequency);
     [0.1 * frequency, 3.0 * highest]

@@ -15,9 +15,9 @@ pub enum NumericError {
     )]
     NotConverged,
     /// 1 + K·D is singular, with K the proportional gain and D the plant's direct feedthrough:
-    /// the unsampled loop has no unique leg forces.
+    /// the ideal loop, without sampling and delay, has no unique leg forces.
     #[error(
-        "the unsampled loop is ill-posed: 1 + K·D is singular, for example because a suspension mode has no stiffness; check the stiffness of the legs"
+        "the ideal loop is ill-posed: 1 + K·D is singular, for example because a suspension mode has no stiffness; check the stiffness of the legs"
     )]
     IllPosed,
 }
