@@ -1,4 +1,4 @@
-//! The loop of the paper: unsampled and without delay.
+//! The ideal loop of the paper: continuous, without sampling and delay.
 
 use core::ops::Range;
 
@@ -10,27 +10,31 @@ use crate::numeric::NumericError;
 use crate::numeric::eigen::eigenvalues;
 use crate::plant::{Control, Gain, Plant, StateSpace};
 
-/// σ = C(jω)·y of the unsampled law, Eqs. (21) and (22).
+/// The ideal law C(jω) of σ = C(jω)·y at `hz`, Hz, 6×6: H_acc of Eq. (21) or H_f of Eq. (22).
+///
+/// The unit is N per unit of the sensor.
 pub fn ideal_response(gains: &Gains, hz: f64) -> Control {
     let s = Complex::new(0.0, core::f64::consts::TAU * hz);
     let c = -(gains.proportional.map(Complex::from) + gains.integral.map(|i| i / s));
     Control::from_column_slice(c.as_slice())
 }
 
-/// Floor accelerations to `rows` of the plant's outputs at `hz`, under the
-/// unsampled law.
+/// The gains from the floor accelerations, m/s², to the output `rows` of the plant at `hz`, Hz,
+/// with the ideal law.
 pub fn close_ideal(plant: &Plant, gains: &Gains, hz: f64, rows: Range<usize>) -> Gain {
     plant.response(hz).close(rows, &ideal_response(gains, hz))
 }
 
-/// The poles of a plant with the unsampled, undelayed law, rad/s, slowest
-/// first. The first six outputs of `plant` are the sensors.
+/// The poles of a plant with the ideal law, rad/s, in ascending order of |s|. For the design model
+/// this is the closed loop of Eq. (16).
 ///
-/// Six more at s = 0 are left out: the integrals of the sensors, whose
-/// constants of integration nothing holds.
+/// The first six outputs of `plant` must be the sensors. Six poles at s = 0 are left out. They
+/// belong to the integrals of the sensors, whose constants of integration have no effect on the
+/// motion.
 ///
 /// # Errors
-/// Where the loop is ill-posed or the eigenvalue iteration does not converge.
+/// [`NumericError::IllPosed`] if 1 + P·D is singular, and [`NumericError::NotConverged`] if the
+/// eigenvalue iteration does not converge.
 pub fn ideal_poles(plant: &StateSpace, gains: &Gains) -> Result<Vec<Complex<f64>>, NumericError> {
     let states = plant.a.nrows();
     // With Y the integral of the sensors: σ = −(P·(c·x + d·σ) + I·Y).

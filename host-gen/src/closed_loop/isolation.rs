@@ -1,4 +1,4 @@
-//! From which frequency on the machine no longer follows the floor.
+//! The corner frequency above which the machine no longer follows the floor.
 
 use shared::LEGS;
 
@@ -7,14 +7,16 @@ use crate::numeric::frequencies::grid;
 use crate::numeric::singular::largest_singular_value;
 use crate::plant::Gain;
 
-/// Where the corner is looked for, Hz: from well below the target `frequency`
-/// to well above the suspension.
+/// The lower and upper frequency, Hz, between which the corner is searched: from a tenth of the
+/// target `frequency`, Hz, to three times the highest natural frequency of `model`, or three times
+/// the target if that is higher.
 pub fn isolation_band(model: &DesignModel, frequency: f64) -> [f64; 2] {
     let highest = model.hertz()[LEGS - 1].max(frequency);
     [0.1 * frequency, 3.0 * highest]
 }
 
-/// The highest σ_max of a transfer function at some frequencies, dB.
+/// The highest σ_max of the transfer function `gain` at the frequencies `hz`, Hz, as 20·lg σ_max,
+/// dB.
 pub fn highest_db(hz: &[f64], gain: impl Fn(f64) -> Gain) -> f64 {
     let highest = hz
         .iter()
@@ -23,9 +25,14 @@ pub fn highest_db(hz: &[f64], gain: impl Fn(f64) -> Gain) -> f64 {
     20.0 * highest.log10()
 }
 
-/// The frequency above which the whole no longer follows the floor: σ_max of
-/// rigid floor motion → rigid whole stays under 1/√2. Searched upward to
-/// `high` Hz, `closed` giving that transfer function.
+/// The corner frequency of isolation, Hz: above it the machine as one rigid body no longer follows
+/// the floor.
+///
+/// `closed` is the transfer function from rigid floor motion to the rigid body, as
+/// [`SampledLoop::transmissibility`](super::SampledLoop::transmissibility) gives it. Above the
+/// corner its σ_max stays below 1/√2. The search covers `low` to `high`, Hz, on a grid refined at
+/// `peaks` (centre and half width, Hz). The result is `low` if the machine follows nowhere, and
+/// `high` if it follows up to there.
 pub fn corner(low: f64, high: f64, peaks: &[(f64, f64)], closed: impl Fn(f64) -> Gain) -> f64 {
     let level = core::f64::consts::FRAC_1_SQRT_2;
     let follows = |hz: f64| largest_singular_value(&closed(hz)) > level;

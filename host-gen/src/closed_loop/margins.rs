@@ -1,5 +1,4 @@
-//! How far the sampled loop is from its limits: disk margins and Bode's
-//! integral.
+//! Disk margins and Bode's integral of the sampled loop.
 
 use core::f64::consts::LN_2;
 
@@ -12,19 +11,21 @@ use super::sampled::SampledLoop;
 use crate::model::design_model::DesignModel;
 use crate::numeric::frequencies::grid;
 
-/// A symmetric disk margin: the loop stays stable with any factor
-/// (2 + δ)/(2 − δ), |δ| < `disk`, in the channel.
+/// A symmetric disk margin of a channel: the loop stays stable if the channel is multiplied by any
+/// complex factor (2 + δ)/(2 − δ) with |δ| < `disk`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Margin {
-    /// α = 1/max |S − ½|.
+    /// The disk margin α = 1/max|S − ½|, without unit, with the sensitivity S.
     pub disk: f64,
-    /// Factor by which the gain may grow, or fall; infinite if any may.
+    /// Gain margin: the gain may be multiplied or divided by this factor. Infinite if any gain is
+    /// stable.
     pub gain: f64,
-    /// Phase either way, degrees.
+    /// Phase margin in both directions, degrees.
     pub phase_deg: f64,
 }
 
 impl Margin {
+    /// The margin for the maximum `peak` of |S − ½| over frequency.
     fn new(peak: f64) -> Self {
         let disk = 1.0 / peak;
         Self {
@@ -39,37 +40,43 @@ impl Margin {
     }
 }
 
-/// What the loop has left.
+/// The stability margins of a sampled loop.
 #[derive(Clone, Debug, Serialize)]
 pub struct Margins {
-    /// One mode changes, the others do not.
+    /// Margin of each mode if only its channel varies, in the order of the modes.
     pub modes: [Margin; LEGS],
-    /// All modes change at once and each as it likes.
+    /// Margin if the channels of all modes vary at once and independently.
     pub together: Margin,
-    /// Bode's integral.
+    /// Attenuation and amplification by Bode's integral.
     pub bode: Bode,
 }
 
-/// Bode's integral of the sampled loop: ∫ ln|det S| over all frequencies to
-/// half the sample rate is zero, whatever the controller, since plant and
-/// controller are stable and a sample of delay is in the loop. What is taken
-/// away in one place comes back in another.
+/// Bode's integral of the sampled loop, with the sensitivity S.
+///
+/// The integral of ln|det S| from zero to half the sample rate is zero for every controller,
+/// because plant and controller are stable and the loop contains a sample of delay. So
+/// attenuation at some frequencies causes amplification at others.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Bode {
-    /// Attenuation, mean over the modes: ∫ −ln|det S|/6 where that is positive,
-    /// Hz.
+    /// Attenuation, mean over the six modes, Hz: the integral of −ln|det S|/6 over the frequencies
+    /// at which it is positive.
     pub attenuation_hz: f64,
-    /// Amplification, the same where it is negative, Hz.
+    /// Amplification, mean over the six modes, Hz: the integral of ln|det S|/6 over the frequencies
+    /// at which it is positive.
     pub amplification_hz: f64,
-    /// What the amplification could be at most within the bound: all modes at
-    /// ln Ms from the crossover to 1/(2τ), where the delay alone turns the loop
-    /// by half a turn and hardly any gain may be left, Hz.
+    /// Largest amplification within the sensitivity bound Ms, Hz: ln Ms in all modes from the
+    /// crossover to 1/(2τ). There the delay τ alone turns the phase by 180°, so the loop gain must
+    /// be small.
     pub limit_hz: f64,
-    /// Up to here the modes are, on the mean, attenuated by half or more, Hz.
+    /// Highest frequency, Hz, at which the mean attenuation over the six modes is a factor of two
+    /// or more.
     pub crossover_hz: f64,
 }
 
-/// Of the loop with modes of `model`, whole `delay`, s, and bound `bound`.
+/// The margins of the sampled loop `closed`, opened at the modal forces of `model`.
+///
+/// `delay` is the whole delay τ of the loop, s, and `bound` the largest allowed peak sensitivity
+/// Ms. The frequency grid is refined at `peaks` (centre and half width, Hz).
 pub fn margins(
     closed: &SampledLoop<'_>,
     model: &DesignModel,

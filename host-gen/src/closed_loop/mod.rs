@@ -1,5 +1,5 @@
-//! How plant and law behave together: the ideal loop and the sampled one, their
-//! poles, sensitivity, isolation and margins.
+//! How plant and law behave together: the ideal and the sampled loop, with poles, sensitivity,
+//! isolation and margins.
 
 pub mod ideal;
 pub mod isolation;
@@ -13,6 +13,6 @@ pub use poles::{Pole, stable};
 pub use sampled::SampledLoop;
 pub use sensitivity::{LoopGrid, PeakSensitivity};
 
-/// The loop is looked at from this part of the target frequency on: far below
-/// AC coupling and leak.
+/// Lowest frequency of the loop's frequency grids over the target frequency: far below AC coupling
+/// and leak.
 pub const SLOWEST: f64 = 1e-3;

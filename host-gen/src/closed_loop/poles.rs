@@ -1,18 +1,18 @@
-//! Poles as an engineer reads them.
+//! Poles and zeros as frequency and damping, and stability.
 
 use nalgebra::Complex;
 use serde::Serialize;
 
-/// A pole or zero s of a linear system.
+/// A pole or zero s of a continuous linear system.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Pole {
-    /// Re s, 1/s.
+    /// Real part of s, 1/s; negative if stable.
     pub re: f64,
-    /// Im s, rad/s.
+    /// Imaginary part of s, rad/s.
     pub im: f64,
-    /// |s|/2π, Hz.
+    /// Natural frequency |s|/2π, Hz.
     pub hz: f64,
-    /// −Re s/|s|: relative damping; negative where it grows.
+    /// Relative damping −Re s/|s|; negative if unstable.
     pub damping: f64,
 }
 
@@ -27,7 +27,7 @@ impl From<Complex<f64>> for Pole {
     }
 }
 
-/// Whether all poles lie in the left half plane.
+/// Whether all of the continuous `poles` are in the left half plane.
 pub fn stable(poles: &[Complex<f64>]) -> bool {
     poles.iter().all(|s| s.re < 0.0)
 }

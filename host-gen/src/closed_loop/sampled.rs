@@ -1,4 +1,4 @@
-//! The sampled loop: plant, delays and the law as the table has it.
+//! The sampled loop: the sampled plant, the delay, and the law of a table.
 
 use core::ops::Range;
 
@@ -13,18 +13,20 @@ use crate::numeric::frequencies::pole_peaks;
 use crate::numeric::six::ComplexMatrix6;
 use crate::plant::{Gain, SampledPlant};
 
-/// A sampled plant under a law.
+/// The closed loop of a sampled plant and the linear law of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct SampledLoop<'a> {
-    /// The plant.
+    /// The sampled plant.
     pub plant: &'a SampledPlant,
-    /// The law.
+    /// The law, with the table's coefficients.
     pub law: LinearLaw,
 }
 
 impl SampledLoop<'_> {
-    /// One period of the closed loop as a matrix: the modes, the forces still
-    /// to act, and the law's states.
+    /// The transition matrix of the closed loop over one period.
+    ///
+    /// Its states are those of the plant, the forces computed but still to act, and those of the
+    /// law.
     fn transition(&self) -> DMatrix<f64> {
         let plant = self.plant.state_space();
         let law = self.law.state_space();
@@ -33,7 +35,7 @@ impl SampledLoop<'_> {
         let inner = n + LEGS * delays;
         let states = inner + law.a.nrows();
         let held = |age: usize| n + LEGS * (age - 1);
-        // A signal is its row of coefficients on the states before the step.
+        // A signal is a row of coefficients on the states before the step.
         let state = |at: usize| {
             let mut rows = DMatrix::zeros(LEGS, states);
             rows.view_mut((0, at), (LEGS, LEGS)).fill_with_identity();
@@ -74,11 +76,11 @@ impl SampledLoop<'_> {
         next
     }
 
-    /// The closed loop's poles as continuous ones, ln(z)/T, rad/s, slowest
-    /// first; poles at z = 0 are left out.
+    /// The poles of the closed loop as continuous poles ln(z)/T, rad/s, in ascending order of
+    /// magnitude. Poles at z = 0 are left out.
     ///
     /// # Errors
-    /// Where the eigenvalue iteration does not converge.
+    /// [`NumericError::NotConverged`] if the eigenvalue iteration does not converge.
     pub fn poles(&self) -> Result<Vec<Complex<f64>>, NumericError> {
         let mut poles: Vec<_> = eigenvalues(&self.transition())?
             .into_iter()
@@ -89,8 +91,10 @@ impl SampledLoop<'_> {
         Ok(poles)
     }
 
-    /// The peak sensitivity from `low` Hz on of the loop with these `poles`, its
-    /// modes those of `modal`, S of Eq. (17).
+    /// The peak sensitivity of the loop from `low`, Hz, to half the sample rate.
+    ///
+    /// `modal` is S of Eq. (17), the modes at which the loop is opened. `poles` are those of this
+    /// loop, rad/s; the frequency grid is refined at them.
     pub fn peak_sensitivity(
         &self,
         modal: &Matrix6<f64>,
@@ -100,8 +104,10 @@ impl SampledLoop<'_> {
         LoopGrid::new(self.plant, modal, low, &pole_peaks(poles)).peak(self.plant, &self.law)
     }
 
-    /// The loop gain L by Hz, opened at the forces along the modes of `modal`, S of
-    /// Eq. (17); the sensitivity is (1 + L)⁻¹.
+    /// The loop gain L as a function of frequency, Hz, 6×6, with the loop opened at the modal
+    /// forces. The sensitivity is (1 + L)⁻¹.
+    ///
+    /// `modal` is S of Eq. (17).
     pub fn modal_loop(&self, modal: &Matrix6<f64>) -> impl Fn(f64) -> ComplexMatrix6 {
         let to_modes = modal.transpose().map(Complex::from);
         let from_modes = to_modes.try_inverse().expect("modes are independent");
@@ -111,13 +117,15 @@ impl SampledLoop<'_> {
         }
     }
 
-    /// Floor accelerations to `rows` of the plant's outputs at `hz`.
+    /// The closed loop's gains from the floor accelerations, m/s², to the output `rows` of the
+    /// plant at `hz`, Hz.
     pub fn close(&self, hz: f64, rows: Range<usize>) -> Gain {
         let controller = self.law.response(self.plant.z(hz));
         self.plant.response(hz).close(rows, &controller)
     }
 
-    /// Rigid floor motion to the rigid whole at `hz`.
+    /// The closed loop's gains from rigid floor motion to the machine as one rigid body at `hz`,
+    /// Hz, 6×6, both in the modes of the design model; the identity at low frequency.
     pub fn transmissibility(&self, hz: f64) -> Gain {
         let plant = &self.plant.plant;
         self.close(hz, plant.whole()) * plant.rigid_floor.map(Complex::from)

@@ -9,46 +9,47 @@ use crate::numeric::singular::smallest_is_above;
 use crate::numeric::six::ComplexMatrix6;
 use crate::plant::{Control, Gain, SampledPlant};
 
-/// Where a loop is opened to look at its sensitivity.
+/// The point at which a loop is opened to compute its sensitivity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Opening {
-    /// At the forces along the modes of the design model.
+    /// At the modal forces of the design model.
     Modes,
-    /// At the six forces.
+    /// At the six leg forces.
     Legs,
-    /// At the six sensors from this one on; those of another kind stay in the
-    /// loop.
+    /// At the six sensors from this index on. The loop stays closed over sensors of the other
+    /// kind.
     Sensors(usize),
 }
 
-/// The peak of the sensitivity, max over frequency of σ_max((1 + L)⁻¹).
+/// The peak sensitivity Ms of a loop: the maximum over frequency of σ_max((1 + L)⁻¹), for loops
+/// opened at three points.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PeakSensitivity {
-    /// Ms with the loop open at the forces along the modes, whose coordinates
-    /// give every mode the same weight: what is bounded.
+    /// Ms with the loop opened at the modal forces, whose coordinates give every mode the same
+    /// weight.
     pub value: f64,
-    /// Hz.
+    /// Frequency of the peak in `value`, Hz.
     pub at: f64,
-    /// With the loop open at the six legs.
+    /// Ms with the loop opened at the six leg forces.
     pub at_legs: f64,
-    /// With the loop open at the six sensors, of the worse kind.
+    /// Ms with the loop opened at the six sensors; with both kinds of sensors, the larger value.
     pub at_sensors: f64,
 }
 
-/// Legs and sensors, whose coordinates mix the modes, may have this many times
-/// the peak of the modes.
+/// Factor by which the peak sensitivity at the legs and at the sensors, whose coordinates mix the
+/// modes, may exceed the bound for the modes.
 pub const ELSEWHERE: f64 = 1.5;
 
 impl PeakSensitivity {
-    /// What the bound is for: Ms, or what legs and sensors have over
-    /// [`ELSEWHERE`] if that is more.
+    /// The value to compare with the bound: the largest of `value`, and `at_legs` and `at_sensors`
+    /// divided by [`ELSEWHERE`].
     pub fn bounded(&self) -> f64 {
         self.value
             .max(self.at_legs.max(self.at_sensors) / ELSEWHERE)
     }
 }
 
-/// The sampled plant on a grid of frequencies, for trying many laws.
+/// The frequency response of a sampled plant on a grid, to evaluate many laws with.
 #[derive(Clone, Debug)]
 pub struct LoopGrid {
     points: Vec<(f64, Complex<f64>, Gain)>,
@@ -58,8 +59,10 @@ pub struct LoopGrid {
 }
 
 impl LoopGrid {
-    /// From `low` Hz to half the sample rate, finer about the plant's modes and
-    /// about `sharp`, more peaks as Hz and half width. `modal` is S of Eq. (17).
+    /// A grid from `low`, Hz, to half the sample rate.
+    ///
+    /// It is refined at the modes of the plant and at the peaks `sharp` (centre and half width,
+    /// Hz). `modal` is S of Eq. (17).
     pub fn new(plant: &SampledPlant, modal: &Matrix6<f64>, low: f64, sharp: &[(f64, f64)]) -> Self {
         let high = 0.5 / plant.period;
         let peaks = [&plant.plant.peaks(), sharp].concat();
@@ -76,7 +79,7 @@ impl LoopGrid {
         }
     }
 
-    /// 1 + L.
+    /// The return difference 1 + L with the loop opened at `opening`.
     fn return_difference(&self, opening: Opening, g22: &Gain, c: &Control) -> ComplexMatrix6 {
         let one = ComplexMatrix6::identity();
         match opening {
@@ -88,7 +91,7 @@ impl LoopGrid {
                 if c.ncols() > LEGS {
                     let other = LEGS - first;
                     let beside = c.fixed_columns::<LEGS>(other) * g22.fixed_rows::<LEGS>(other);
-                    // Exactly on a pole of the other kind's loop: as if open.
+                    // Exactly at a pole of the loop over the other kind of sensors: taken as open.
                     own = (one - beside).lu().solve(&own).unwrap_or(own);
                 }
                 one - g * own
@@ -96,12 +99,9 @@ impl LoopGrid {
         }
     }
 
-    /// Whether the sensitivity is within `bound` everywhere on the grid, as
-    /// [`PeakSensitivity::bounded`]. Says nothing about stability.
+    /// Whether the sensitivity is below `bound` at every frequency of the grid, in the sense of
+    /// [`PeakSensitivity::bounded`]. This does not show that the loop is stable.
     pub fn within(&self, law: &LinearLaw, bound: f64) -> bool {
-        // σ_min(1 + L) ≥ 1/bound where (1 + L)ᴴ(1 + L) − 1/bound² is positive
-        // definite, which a Cholesky factorisation tells much faster than
-        // singular values do.
         let mut bounds = vec![(Opening::Modes, bound), (Opening::Legs, ELSEWHERE * bound)];
         bounds.extend(sensors(law).map(|opening| (opening, ELSEWHERE * bound)));
         self.points.iter().all(|(_, z, g22)| {
@@ -112,8 +112,8 @@ impl LoopGrid {
         })
     }
 
-    /// The highest peaks, found on the grid and climbed to their tops. `plant`
-    /// is the one the grid was made from.
+    /// The peak sensitivity with `law`: the highest point of the grid, refined between its
+    /// neighbours. `plant` must be the plant of the grid.
     pub fn peak(&self, plant: &SampledPlant, law: &LinearLaw) -> PeakSensitivity {
         let (value, at) = self.climb(plant, law, Opening::Modes);
         PeakSensitivity {
@@ -126,7 +126,8 @@ impl LoopGrid {
         }
     }
 
-    /// The highest peak at one opening, and its frequency, Hz.
+    /// The peak sensitivity with the loop opened at `opening`, and its frequency, Hz, by ternary
+    /// search.
     fn climb(&self, plant: &SampledPlant, law: &LinearLaw, opening: Opening) -> (f64, f64) {
         let at = |hz: f64, g22: &Gain| {
             let difference = self.return_difference(opening, g22, &law.response(plant.z(hz)));
@@ -160,7 +161,7 @@ impl LoopGrid {
     }
 }
 
-/// The openings at each kind of sensors.
+/// One opening for each kind of sensors of `law`.
 fn sensors(law: &LinearLaw) -> impl Iterator<Item = Opening> {
     (0..law.sensors()).step_by(LEGS).map(Opening::Sensors)
 }

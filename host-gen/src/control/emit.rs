@@ -1,4 +1,4 @@
-//! The Rust source of a table, and whether a file still is that source.
+//! The Rust source of a table, and the comparison of a file with it.
 
 use std::fmt::Write as _;
 
@@ -9,8 +9,9 @@ use shared::table::{self, Complement, Direct, Modal, Paths, SelfTest, ValidTable
 
 use crate::machine::Machine;
 
-/// The Rust source of a table: the same table gives the same bytes, and the
-/// numbers read back to the same bits.
+/// The Rust source of `table`, a controller table of `machine`.
+///
+/// The same table always gives the same bytes, and the numbers read back to the same bits.
 pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     let t = table.get();
     let mut out = String::new();
@@ -84,7 +85,7 @@ pub fn emit(machine: &Machine, table: &ValidTable) -> String {
     line("    ],");
     line(&format!("    dac_max: DacCode({}),", t.dac_max.0));
     line("    // Samples.");
-    // Its fields print as they are written.
+    // `Debug` prints a struct expression with all fields.
     line(&format!("    supervision: {:?},", t.supervision));
     emit_test(&mut line, &t.self_test);
     line("})");
@@ -219,8 +220,8 @@ fn emit_modal(line: &mut impl FnMut(&str), modal: &Modal, feedback: table::Feedb
     line("        }),");
 }
 
-/// The first line in which a table's file, `found`, differs from the `expected`
-/// source, in words; none where they are equal.
+/// The first line in which a table's file, `found`, differs from the `expected` source, in words.
+/// `None` if they are equal.
 pub fn difference(found: &str, expected: &str) -> Option<String> {
     if found == expected {
         return None;
@@ -233,6 +234,6 @@ pub fn difference(found: &str, expected: &str) -> Option<String> {
             found.split('\n').nth(i).unwrap_or_default().trim(),
             expected.split('\n').nth(i).unwrap_or_default().trim()
         ),
-        None => "one ends before the other".to_owned(),
+        None => "the file is cut off or has additional lines at its end".to_owned(),
     })
 }

@@ -1,5 +1,4 @@
-//! The law of a table as a linear system: what [`shared::step`] does while
-//! nothing is clamped, without rounding.
+//! The law of a table as a linear system: [`shared::step`] without clamp and rounding errors.
 
 use nalgebra::{Complex, DMatrix, DVector, Matrix6};
 use shared::LEGS;
@@ -7,7 +6,9 @@ use shared::table::{Channel, Direct, Modal, Paths, Section, ValidTable};
 
 use crate::plant::Control;
 
-/// From sensor values to forces, with the table's rounded coefficients.
+/// The linear law of a table, from sensor values, m/s² or N, to leg forces, N.
+///
+/// It has the table's coefficients, which are rounded to single precision.
 #[derive(Clone, Copy, Debug)]
 pub struct LinearLaw {
     ac_coupling: f64,
@@ -15,21 +16,23 @@ pub struct LinearLaw {
     paths: Paths,
 }
 
-/// ξ⁺ = A·ξ + B·y, σ = C·ξ + D·y.
+/// A law as a discrete system ξ⁺ = A·ξ + B·y, σ = C·ξ + D·y for one sample.
+///
+/// y are six or twelve sensor values, m/s² or N, and σ the six leg forces, N.
 #[derive(Clone, Debug)]
 pub struct LawStateSpace {
-    /// A.
+    /// A, square, one row for each state.
     pub a: DMatrix<f64>,
-    /// B, a column a sensor.
+    /// B, one column for each sensor.
     pub b: DMatrix<f64>,
-    /// C, six rows.
+    /// C, six rows, one for each leg.
     pub c: DMatrix<f64>,
-    /// D.
+    /// D, six rows, one column for each sensor.
     pub d: DMatrix<f64>,
 }
 
 impl LinearLaw {
-    /// The law that `table` holds.
+    /// The law in `table`.
     pub fn new(table: &ValidTable) -> Self {
         let table = table.get();
         Self {
@@ -39,7 +42,7 @@ impl LinearLaw {
         }
     }
 
-    /// The same with `gain` times its forces.
+    /// This law with all its forces multiplied by `gain`, as the board's loop gain does.
     pub fn with_gain(mut self, gain: f64) -> Self {
         match &mut self.paths {
             Paths::Direct(direct) => {
@@ -51,8 +54,7 @@ impl LinearLaw {
         self
     }
 
-    /// How many sensors it takes: six, or with force sensors beside
-    /// accelerometers twelve.
+    /// The number of sensors: six, or twelve if the law uses accelerometers and force sensors.
     pub fn sensors(&self) -> usize {
         match &self.paths {
             Paths::Modal(modal) if modal.complement.is_some() => 2 * LEGS,
@@ -60,7 +62,7 @@ impl LinearLaw {
         }
     }
 
-    /// σ = C(z)·y.
+    /// C(z) of σ = C(z)·y, the complex gains from sensors to leg forces, at `z` = e^(jωT).
     pub fn response(&self, z: Complex<f64>) -> Control {
         let high_pass = ac_coupling(self.ac_coupling, z);
         let mut control = Control::zeros(self.sensors());
@@ -100,14 +102,15 @@ impl LinearLaw {
         control
     }
 
-    /// As matrices.
+    /// The law as the matrices of a discrete system.
     pub fn state_space(&self) -> LawStateSpace {
         let sections = match &self.paths {
             Paths::Direct(_) => 0,
             Paths::Modal(modal) => modal.sections,
         };
         let beside = self.sensors() > LEGS;
-        // AC coupling twice, before, integral, sections, and what forces lack.
+        // Six states each: two high-passes, previous input, integral, two for each section, and
+        // the low-pass that combines the two kinds of sensors.
         let states = LEGS * (4 + 2 * sections + usize::from(beside));
         let columns = states + self.sensors();
         let mut law = Signals {
@@ -183,13 +186,13 @@ impl LinearLaw {
     }
 }
 
-/// Six signals as rows of coefficients on states and inputs before the step.
+/// The next states as rows of coefficients on the states and inputs before the sample.
 struct Signals {
     next: DMatrix<f64>,
 }
 
 impl Signals {
-    /// The six states, or inputs, from `first` on.
+    /// The six states, or inputs, from column `first` on, as rows of coefficients.
     fn at(&self, first: usize) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(LEGS, self.next.ncols());
         rows.view_mut((0, first), (LEGS, LEGS)).fill_with_identity();
@@ -210,23 +213,24 @@ fn diagonal(channels: &[Channel; LEGS], of: impl Fn(&Channel) -> f32) -> DMatrix
     DMatrix::from_diagonal(&DVector::from_iterator(LEGS, values))
 }
 
-/// Both high-passes, with coefficient c.
+/// The response of the AC coupling at `z`: two first-order high-passes with the coefficient `c`.
 pub fn ac_coupling(c: f64, z: Complex<f64>) -> Complex<f64> {
     let one = (z - 1.0) / (z - 1.0 + c);
     one * one
 }
 
-/// x += c·(input − x), with coefficient c.
+/// The response of the low-pass x += c·(input − x) at `z`, with the coefficient `c`.
 pub fn low_pass(c: f64, z: Complex<f64>) -> Complex<f64> {
     z * c / (z - 1.0 + c)
 }
 
-/// The trapezoidal integral over T/2, leaking.
+/// The response of the leaky trapezoidal integral at `z`, divided by T/2.
 fn integral(leak: f64, z: Complex<f64>) -> Complex<f64> {
     (z + 1.0) / (z - 1.0 + leak)
 }
 
-/// Sections, then proportional plus integral.
+/// The response of one channel at `z`: its first `sections` sections, then proportional plus
+/// integral. `leak` is the coefficient of the integral's leak.
 pub fn channel_response(
     channel: &Channel,
     sections: usize,
@@ -240,7 +244,7 @@ pub fn channel_response(
     shaping * (integral(leak, z) * f64::from(channel.integral) + f64::from(channel.proportional))
 }
 
-/// One section.
+/// The response of one second-order section at `z`.
 pub fn section_response(section: &Section, z: Complex<f64>) -> Complex<f64> {
     let [c, d, direct, band, low] = [
         section.rate,

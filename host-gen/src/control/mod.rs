@@ -1,5 +1,5 @@
-//! What a controller is: the ideal gains, the shapes of its channels, the table
-//! that they make, and that table as a linear law.
+//! What a controller is: the ideal gains, the shapes of its channels, the table built from them,
+//! and the table as a linear law.
 
 pub mod emit;
 pub mod gains;

@@ -1,5 +1,5 @@
-//! The shaping of one channel, as an engineer would write it down, and as
-//! second-order sections.
+//! The shaping of one channel: poles and zeros in Hz, and the second-order sections made from
+//! them.
 
 use core::f64::consts::TAU;
 
@@ -9,30 +9,32 @@ use shared::table::{SECTIONS, Section};
 
 use crate::machine::{ResonanceEntry, ShapeEntry};
 
-/// Two lags and a zero, and a notch or its opposite, with gain 1 at low frequency.
-/// With both kinds of sensors, also the frequency at which one takes over from the
-/// other.
+/// The shaping of one mode's channel, with gain 1 at low frequency.
+///
+/// The first section has two lags and a zero. The second has a pair of zeros and a pair of poles:
+/// a notch or a resonance. With both kinds of sensors, the shape also has the frequency at which
+/// the force sensors take over from the accelerometers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shape {
-    /// Corners of the lags, Hz.
+    /// Corner frequencies of the two lags, Hz.
     pub lags_hz: [f64; 2],
-    /// Corner of the zero, Hz.
+    /// Corner frequency of the zero, Hz.
     pub zero_hz: f64,
-    /// Zeros of the second section.
+    /// The pair of zeros of the second section.
     pub notch: Resonance,
-    /// Its poles.
+    /// The pair of poles of the second section.
     pub notch_poles: Resonance,
-    /// Below it the accelerometers count, above it the force sensors, Hz; none of
-    /// one kind alone.
+    /// Crossover frequency, Hz: the accelerometers act below it and the force sensors above it.
+    /// `None` with one kind of sensors.
     pub split_hz: Option<f64>,
 }
 
 /// A pair of poles or zeros.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Resonance {
-    /// ω/2π, Hz.
+    /// Natural frequency ω/2π, Hz.
     pub hz: f64,
-    /// Relative damping; above 1 two real ones.
+    /// Relative damping; above 1 the pair is real.
     pub damping: f64,
 }
 
@@ -53,13 +55,14 @@ impl From<&ShapeEntry> for Shape {
 }
 
 impl Shape {
-    /// Sections that a shape takes.
+    /// Number of sections of a shape.
     pub const SECTIONS: usize = 2;
 
-    /// Its sections on a board with this period, s; those left over pass all.
+    /// The sections of this shape for the sample period `period`, s. Unused sections pass their
+    /// input unchanged.
     ///
-    /// Poles and zeros by z = e^(sT). The zero at infinity of the first
-    /// section goes to z = 0: no sample of delay.
+    /// Poles and zeros are mapped by z = e^(sT). The zero at infinity of the first section is
+    /// mapped to z = 0, so that the section has no delay.
     pub fn sections(&self, period: f64) -> [Section; SECTIONS] {
         let lags = Pair::real(self.lags_hz.map(|hz| fall(hz, period)));
         let zeros = Pair::real([fall(self.zero_hz, period), 1.0]);
@@ -73,12 +76,13 @@ impl Shape {
     }
 }
 
-/// 1 − e^(−2π·hz·T).
+/// 1 − e^(−2π·hz·T), the distance of a real root from z = 1, for a corner frequency in Hz and the
+/// period T in s.
 fn fall(hz: f64, period: f64) -> f64 {
     -(-TAU * hz * period).exp_m1()
 }
 
-/// Two roots in δ = z − 1: δ² + sum·δ + product.
+/// Two roots as the polynomial δ² + sum·δ + product in δ = z − 1.
 #[derive(Clone, Copy)]
 struct Pair {
     sum: f64,
@@ -86,7 +90,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// With roots at −`falls`.
+    /// Two real roots at δ = −a and δ = −b.
     fn real([a, b]: [f64; 2]) -> Self {
         Self {
             sum: a + b,
@@ -98,7 +102,7 @@ impl Pair {
         let omega = TAU * resonance.hz * period;
         let zeta = resonance.damping;
         let root = Complex::from(zeta * zeta - 1.0).sqrt();
-        // 1 − e^x with e^x − 1 = 2·e^(x/2)·sinh(x/2).
+        // 1 − e^x = −2·e^(x/2)·sinh(x/2), without cancellation.
         let [a, b] = [root, -root].map(|root| {
             let half = 0.5 * omega * (root - zeta);
             -2.0 * half.exp() * half.sinh()
@@ -110,7 +114,7 @@ impl Pair {
     }
 }
 
-/// The section with these zeros and poles and gain 1 at rest.
+/// The section with these zeros and poles and the gain 1 at zero frequency.
 fn section(zeros: Pair, poles: Pair) -> Section {
     let gain = poles.product / zeros.product;
     let rate = poles.product.sqrt();
@@ -128,7 +132,7 @@ mod tests {
     use super::*;
     use crate::control::law::section_response;
 
-    /// Far below the sample rate a section is the continuous one.
+    /// Far below the sample rate a section has the response of the continuous poles and zeros.
     #[test]
     fn sections_are_the_continuous_ones_at_low_frequency() {
         let shape = Shape {
@@ -157,7 +161,7 @@ mod tests {
                 / second(shape.notch_poles);
             let z = Complex::cis(TAU * hz * period);
             let found = section_response(&sections[0], z) * section_response(&sections[1], z);
-            // Half a sample of the zero at z = 0 and single precision.
+            // Half a sample of phase from the zero at z = 0, and single precision.
             let error = (found / expected - 1.0).norm();
             assert!(error < TAU * hz * period + 1e-4, "{hz} Hz: {error:e}");
         }

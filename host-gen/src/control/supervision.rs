@@ -1,5 +1,5 @@
-//! The supervisor's part of the table: times as samples, and what the self-test
-//! must find.
+//! The supervisor's part of the table: times as samples, and the answers that the self-test
+//! expects.
 
 use nalgebra::Complex;
 use shared::LEGS;
@@ -9,32 +9,33 @@ use shared::table::{Phasor, SelfTest, Supervision};
 use crate::machine::{Board, Machine, Sensor};
 use crate::plant::SampledPlant;
 
-/// Of the highest natural frequency: the self-test's sine lies clear above all
-/// modes, where a sensor's answer is that of the frame as a free mass and hardly
-/// hangs on payload, legs or damping.
+/// Frequency of the self-test's sine over the highest natural frequency. Well above all modes the
+/// frame answers as a free mass, so the answers depend little on payload, legs and damping.
 const ABOVE: f64 = 6.0;
 
-/// The self-test waits this part of the time it measures before it does.
+/// Settling time of the self-test over its measuring time.
 const SETTLE: f64 = 0.4;
 
-/// Sensor and ADC whose noise is less than this part of a code may give the same
-/// code for long.
+/// Noise of sensor and ADC, codes rms, below which a healthy sensor may repeat the same code for a
+/// long time.
 const QUIET: f64 = 0.3;
 
-/// A spike is this many times what noise does, and at least so many codes: what the
-/// machine itself does from sample to sample in a shock is less.
+/// Smallest spike over the rms noise of sensor and ADC.
 const SPIKE: f64 = 20.0;
+
+/// Lower limit for the smallest spike, codes. In a shock the machine moves less than this from
+/// sample to sample.
 const LEAST_SPIKE: f64 = 48.0;
 
-/// The pilot's answer, without the loop, stands this far above the sensors' noise: the
-/// loop takes most of it away, and lets DAC and floor add to the noise.
+/// Answer to the pilot with the loop open, over the noise of the sensors in the measurement. The
+/// margin is needed because the closed loop attenuates the answer, and DAC and floor add noise.
 const AUDIBLE: f64 = 150.0;
 
-/// When the supervisor of `machine` acts.
+/// The thresholds and times of the supervisor for `machine`. Times are rounded to samples.
 pub fn supervision(machine: &Machine) -> Supervision {
     let s = &machine.supervision;
     let board = &machine.board;
-    // Checked with the file to fit.
+    // Validation of the machine has checked that the times fit.
     let samples = |seconds: f64| (seconds * board.sample_rate).round() as u32;
     let kinds = [Some(board.sensor), board.beside];
     let quiet = kinds
@@ -49,7 +50,7 @@ pub fn supervision(machine: &Machine) -> Supervision {
         stuck: samples(s.stuck.unwrap_or(if quiet { 0.0 } else { 0.1 })),
         spike: kinds.map(|kind| {
             let noise = kind.map_or(0.0, |sensor| noise(board, sensor));
-            // Held at the ends.
+            // The conversion saturates at the ends of the range.
             let least = (SPIKE * noise).max(LEAST_SPIKE) as u16;
             s.spike.unwrap_or(least)
         }),
@@ -68,25 +69,25 @@ pub fn supervision(machine: &Machine) -> Supervision {
     }
 }
 
-/// Four digits: enough for a test, and the same on every processor.
+/// Rounds to four digits: enough for the test, and the same on every processor.
 fn rounded(x: f64) -> f32 {
     format!("{x:.3e}").parse().unwrap_or(0.0)
 }
 
-/// Of sensor and ADC, rms, codes.
+/// Noise of sensor and ADC, codes rms.
 fn noise(board: &Board, sensor: Sensor) -> f64 {
     let own = sensor.noise_density * (0.5 * board.sample_rate).sqrt() * sensor.sensitivity;
     own.hypot(board.adc_noise) / board.adc.lsb()
 }
 
-/// The self-test of `machine` with what `plant` answers.
+/// The self-test and the pilot for `machine`, with the answers of its sampled `plant`.
 pub fn self_test(machine: &Machine, plant: &SampledPlant) -> SelfTest {
     let board = &machine.board;
     let s = &machine.supervision;
     let highest = plant.plant.poles.iter().map(|pole| pole.lambda.norm());
     let highest = highest.fold(0.0, f64::max) / core::f64::consts::TAU;
     let measure = (s.test_time * board.sample_rate).round();
-    // Whole periods, and well below half the sample rate.
+    // A whole number of periods in the measurement, well below half the sample rate.
     let hz = (ABOVE * highest).min(0.2 * board.sample_rate);
     let periods = (hz * measure / board.sample_rate).round().max(1.0);
     let step = (periods / measure * 4_294_967_296.0).round();
@@ -109,7 +110,8 @@ pub fn self_test(machine: &Machine, plant: &SampledPlant) -> SelfTest {
     let pilot = s.pilot.unwrap_or_else(|| {
         let kinds = [Some(board.sensor), board.beside];
         let needed = kinds.into_iter().enumerate().filter_map(|(kind, sensor)| {
-            // A phasor in a Hann window: 3·n²/T of white noise n²/Hz.
+            // White noise of n²/Hz gives a phasor measured with a Hann window over T the variance
+            // 3·n²/T.
             let sensor = sensor?;
             let lsb = board.adc.lsb() / sensor.sensitivity.abs();
             let square = (noise(board, sensor) * lsb).powi(2) / (0.5 * board.sample_rate);

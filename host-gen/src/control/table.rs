@@ -1,4 +1,4 @@
-//! From gains and shapes to the controller table.
+//! The controller table from gains and shapes.
 
 use nalgebra::{Complex, Matrix6};
 use shared::LEGS;
@@ -15,25 +15,33 @@ use crate::machine::{Feedback, Machine, Target};
 use crate::model::design_model::DesignModel;
 use crate::plant::SampledPlant;
 
-/// AC coupling sits this far below ω_n, where it costs the lower crossover
-/// little phase.
+/// Corner frequency of the AC coupling over the target frequency. This low it costs the lower
+/// crossover little phase.
 pub const AC_COUPLING: f64 = 0.05;
 
-/// The integral leaks this far below ω_n.
+/// Corner frequency of the integral's leak over the target frequency.
 pub const LEAK: f64 = 0.01;
 
-/// Far enough from what a quiet floor gives that the AC coupling is linear
-/// there, and near enough that half a second of shock leaves less than the legs
-/// can push.
+/// Limit of the AC coupling over the sensor value that drives a leg to its limit at the target
+/// frequency.
+///
+/// On a quiet floor the sensors stay far below, so the coupling is linear. After half a second of
+/// shock, the offset it leaves takes less than the force limit of the legs.
 const SHOCK: f64 = 20.0;
 
-/// c of a first-order section with its corner at `hz`, increment form.
+/// The coefficient c of the first-order section x += c·(u − x) with its corner at `hz`, Hz, for the
+/// sample period `period`, s. Between 0 and 1.
 pub fn coefficient(hz: f64, period: f64) -> f64 {
     -(-core::f64::consts::TAU * hz * period).exp_m1()
 }
 
-/// The table of a machine with the `gains` for `target` and a roll-off at
-/// `roll_off` Hz, common to all channels.
+/// The table of a direct law: the matrices of `gains` and one roll-off at `roll_off`, Hz, for all
+/// sensors.
+///
+/// `gains` are those for `target`, and `plant` is the sampled plant of `machine`.
+///
+/// # Errors
+/// If a number does not fit the table, as [`Table::validate`] finds.
 pub fn direct(
     machine: &Machine,
     plant: &SampledPlant,
@@ -51,7 +59,12 @@ pub fn direct(
     with_paths(machine, plant, target, paths)
 }
 
-/// The table of a machine with `shapes` for the modes of its design model.
+/// The table of a modal law: one channel with its shape for each mode of the design model.
+///
+/// `shapes` are in the order of the modes, and `plant` is the sampled plant of `machine`.
+///
+/// # Errors
+/// If a number does not fit the table, as [`Table::validate`] finds.
 pub fn modal(
     machine: &Machine,
     plant: &SampledPlant,
@@ -70,7 +83,7 @@ pub fn modal(
         Complement {
             sensors: [calibration; LEGS],
             input: input.map(|x| x as f32),
-            // Without one the accelerometers count alone.
+            // Without a crossover frequency only the accelerometers act.
             split: shapes.each_ref().map(|shape| {
                 let split = shape.split_hz.map(|hz| coefficient(hz, period) as f32);
                 split.unwrap_or(1.0)
@@ -91,8 +104,12 @@ pub fn modal(
     )
 }
 
-/// The modes' gains with their sections: Eqs. (19) to (22) in the coordinates
-/// of Eq. (17).
+/// The channels of a modal law: the gains and the sections of each mode, in the order of the modes.
+///
+/// The modal mass with feedback, ω_k²/ω_n² by Eq. (18), gives the proportional gain
+/// ω_k²/ω_n² − 1. The integral gain is 2ζ_n·ω_k²/ω_n, times T/2 for the trapezoidal integral.
+/// These are the gains of Eq. (19) and Eq. (20), or those of Eq. (22), in the coordinates of
+/// Eq. (17). `period` is T, s.
 pub fn channels(
     model: &DesignModel,
     target: &Target,
@@ -110,7 +127,9 @@ pub fn channels(
     })
 }
 
-/// The clamp's excess leaves the integral with time constant 1/ω_n.
+/// The table of `machine` with the law `paths`.
+///
+/// Anti-windup has the time constant 1/ω_n.
 fn with_paths(
     machine: &Machine,
     plant: &SampledPlant,
@@ -144,7 +163,8 @@ fn with_paths(
         self_test: self_test(machine, plant),
     }
     .validate()?;
-    // Past so many times what takes a leg to its limit at f_n it is a shock.
+    // A sensor value this many times above the one that drives a leg to its limit at f_n is a
+    // shock.
     let z = Complex::cis(core::f64::consts::TAU * frequency * period);
     let most = LinearLaw::new(&table)
         .response(z)

@@ -1,16 +1,18 @@
-//! Kinematics and stiffness of a beam between two nodes.
+//! Deformations and stiffness of a massless beam between two nodes.
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, RowVector3, Vector3};
 
 use crate::machine::{Beam, Carrier, Machine};
 
-/// −[v]×: the rotation φ moves a point at v by φ × v.
+/// −[v]×, 3×3: a rotation φ moves a point at v by φ × v = −[v]×·φ.
 fn lever(v: &Vector3<f64>) -> Matrix3<f64> {
     -v.cross_matrix()
 }
 
-/// Six rows: motion of a point at `at` (translation, rotation) from the motion
-/// of a rigid body whose reference is at `reference`.
+/// The motion of a point of a rigid body from the motion of its reference point, 6×6.
+///
+/// A motion is a translation, m, and a rotation, rad. `at` and `reference` are the positions of
+/// the two points, m.
 pub(crate) fn transport(at: &Vector3<f64>, reference: &Vector3<f64>) -> Matrix6<f64> {
     let mut matrix = Matrix6::identity();
     matrix
@@ -19,11 +21,12 @@ pub(crate) fn transport(at: &Vector3<f64>, reference: &Vector3<f64>) -> Matrix6<
     matrix
 }
 
-/// SPACAR's six deformations, all in m, from the end motions p then q
-/// (translation and rotation of each), first order: 6×12.
+/// SPACAR's six deformations, m, to first order from the motions of the ends p and q, 6×12.
 ///
-/// e1 elongation; e2 = L·twist; e3 = −L·(φ − chord) at p and e4 the same at q
-/// with the other sign, in the local x–z plane; e5 and e6 likewise in x–y.
+/// The motion of an end is its translation, m, and its rotation, rad. e1 is the elongation,
+/// positive if the beam gets longer; e2 = L·twist. In the local x–z plane, e3 = −L·(rotation −
+/// chord rotation) at p, and e4 is the same at q with the opposite sign. e5 and e6 are likewise
+/// in the x–y plane.
 pub(crate) fn beam_deformations(beam: &Beam) -> DMatrix<f64> {
     let [x, y, z] = [0, 1, 2].map(|i| beam.axes.row(i).into_owned());
     let length = beam.length;
@@ -51,8 +54,9 @@ pub(crate) fn beam_deformations(beam: &Beam) -> DMatrix<f64> {
     rows
 }
 
-/// Stiffness against those deformations, N/m: EA/L, GJ/L³, and per bending
-/// plane EI/L³·[[4, −2], [−2, 4]].
+/// Stiffness of a beam for the deformations e1 to e6, 6×6, N/m.
+///
+/// EA/L for e1, GJ/L³ for e2, and EI/L³·[[4, −2], [−2, 4]] for each bending plane.
 pub(crate) fn deformation_stiffness(beam: &Beam) -> DMatrix<f64> {
     let per_area = 1.0 / (beam.length * beam.length);
     let mut s = DMatrix::zeros(6, 6);
@@ -68,7 +72,9 @@ pub(crate) fn deformation_stiffness(beam: &Beam) -> DMatrix<f64> {
     s
 }
 
-/// The six deformations of a beam from body coordinates, 6×6n.
+/// The deformations e1 to e6 of a beam, m, from body coordinates, 6×6n for n bodies.
+///
+/// Ends on the base do not move.
 pub(crate) fn deformations_from_bodies(machine: &Machine, beam: &Beam) -> DMatrix<f64> {
     let ends = beam_deformations(beam);
     let mut rows = DMatrix::zeros(6, 6 * machine.bodies.len());
@@ -82,7 +88,10 @@ pub(crate) fn deformations_from_bodies(machine: &Machine, beam: &Beam) -> DMatri
     rows
 }
 
-/// The twelve end motions of a beam from body coordinates.
+/// The motions of both ends of a beam from body coordinates, 12×`size`.
+///
+/// The motion of an end is its translation, m, and its rotation, rad. Ends on the base do not
+/// move.
 pub(crate) fn end_motions(machine: &Machine, beam: &Beam, size: usize) -> DMatrix<f64> {
     let mut rows = DMatrix::zeros(12, size);
     for (end, &node) in beam.ends.iter().enumerate() {

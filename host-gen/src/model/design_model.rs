@@ -1,5 +1,5 @@
-//! The design model of section 4 of the paper: all bodies as one on six legs, its
-//! modes, and what the feedback sensors read of it.
+//! The design model of section 4 of the paper: all bodies as one rigid body on six legs, its
+//! modes, and the positions of the feedback sensors.
 
 use core::ops::Range;
 
@@ -12,31 +12,37 @@ use crate::machine::{EntryError, Feedback, Machine, MachineError};
 use crate::numeric::eigen::generalised_eigen;
 use crate::numeric::six::{to_dynamic, to_six};
 
-/// The rigid model with its modes and sensors: what the gains are computed from.
+/// The rigid model with its modes and sensors, from which the gains are computed.
 #[derive(Clone, Debug)]
 pub struct DesignModel {
-    /// All bodies as one.
+    /// All bodies as one rigid body on the six legs.
     pub rigid: RigidModel,
-    /// Its modes, rad/s, ascending.
+    /// Natural frequencies of the rigid model, rad/s, ascending; 0 for a mode that gravity makes
+    /// unstable.
     pub omega: [f64; LEGS],
-    /// S = M_d^(−1/2)·P of Eq. (17): SᵀM_dS = 1, SᵀK_dS = diag(ω²).
+    /// S = M_d^(−1/2)·P of Eq. (17), 6×6, 1/√kg: q_s from modal coordinates, one column for each
+    /// mode. SᵀM_dS = 1 and SᵀK_dS = diag(ω²).
     pub modal: Matrix6<f64>,
-    /// T_c of Eq. (15): sensor positions from q_s. For force sensors alone the
-    /// order of the channels only.
+    /// T_c of Eq. (15), 6×6: positions of the accelerometers along their directions from q_s,
+    /// m/m. With force sensors only, a permutation: sensor values from leg forces in the order of
+    /// the actuators.
     pub sensing: Matrix6<f64>,
-    /// The order of the force sensors beside accelerometers, where there are
-    /// any.
+    /// With both kinds of sensors, the permutation for the force sensors, 6×6: sensor values
+    /// from leg forces in the order of the actuators. `None` with one kind.
     pub beside: Option<Matrix6<f64>>,
-    /// What is fed back.
+    /// The kind of sensors that are fed back.
     pub feedback: Feedback,
 }
 
 impl DesignModel {
-    /// The design model of `machine` with the sensors of `feedback`.
+    /// The design model of `machine` with the sensors of `feedback`, and the matrix S that
+    /// decouples its modes, Eq. (17).
+    ///
+    /// `model` is the multibody model of the same machine.
     ///
     /// # Errors
-    /// Where actuators or sensors do not fix six degrees of freedom, or there
-    /// are no such sensors.
+    /// If the actuators, or the accelerometers if they are fed back, are not six independent
+    /// measurements of a rigid body's motion, or if the machine has no sensors of this kind.
     pub fn new(
         machine: &Machine,
         model: &Multibody,
@@ -67,16 +73,17 @@ impl DesignModel {
         })
     }
 
-    /// The modes of the design model, Hz.
+    /// Natural frequencies of the design model, Hz, ascending.
     pub fn hertz(&self) -> [f64; LEGS] {
         self.omega.map(|w| w / core::f64::consts::TAU)
     }
 }
 
-/// Modes nearer than this part of each other count as one.
+/// Natural frequencies with a smaller relative difference count as equal.
 const ALIKE: f64 = 1e-6;
 
-/// Modes of one frequency, by their ω², ascending.
+/// Groups of modes with equal natural frequencies, as ranges of indices. `squares` are ω²,
+/// ascending.
 pub(crate) fn alike(squares: &[f64]) -> Vec<Range<usize>> {
     let mut groups: Vec<Range<usize>> = Vec::new();
     for (i, square) in squares.iter().enumerate() {
@@ -88,16 +95,18 @@ pub(crate) fn alike(squares: &[f64]) -> Vec<Range<usize>> {
     groups
 }
 
-/// Turns the shapes of equal modes, which are only known up to a rotation, and
-/// all signs to the same ones on every processor: the first row that is as long
-/// as any gets one entry, a positive one, and so on with the columns left.
+/// Makes the mode shapes unique, so that every processor computes the same ones.
+///
+/// The signs of shapes are arbitrary, and shapes of equal frequency are defined only up to a
+/// rotation. In each group of equal frequencies the first row of largest norm is rotated so that
+/// it has one non-zero entry, which is positive. The remaining columns are then treated likewise.
 fn canonical(squares: &DVector<f64>, shapes: &mut DMatrix<f64>) {
     let n = squares.len();
     for Range { start, end } in alike(squares.as_slice()) {
         for column in start..end {
             let length = |row: usize| shapes.view((row, column), (1, end - column)).norm();
             let longest = (0..n).map(length).fold(0.0, f64::max);
-            // Rows that symmetry makes equal are so to rounding.
+            // Rows that are equal by symmetry differ by rounding.
             let row = (0..n).find(|&row| length(row) > (1.0 - ALIKE) * longest);
             let row = row.unwrap_or(0);
             for other in column + 1..end {
@@ -118,7 +127,7 @@ fn canonical(squares: &DVector<f64>, shapes: &mut DMatrix<f64>) {
             }
         }
     }
-    // What symmetry makes zero.
+    // Entries that are zero by symmetry differ from zero by rounding.
     let smallest = 1e-12 * shapes.amax();
     shapes.apply(|x| {
         if x.abs() < smallest {
@@ -127,16 +136,19 @@ fn canonical(squares: &DVector<f64>, shapes: &mut DMatrix<f64>) {
     });
 }
 
+/// T_c of Eq. (15), 6×6: positions of the accelerometers along their directions from q_s.
+///
+/// The machine moves as the rigid model, and the base is at rest.
 fn acceleration_sensing(
     machine: &Machine,
     model: &Multibody,
     rigid: &RigidModel,
 ) -> Result<Matrix6<f64>, MachineError> {
     let Some(sensors) = &machine.accelerometers else {
-        return Err(machine.locate(EntryError::new(
-            "sensors",
-            "there are no accelerometers; add six under sensors.acceleration",
-        )));
+        return Err(machine.locate(
+            EntryError::new("sensors", "there are no accelerometers")
+                .fix("add six under sensors.acceleration"),
+        ));
     };
     let rows = sensors.each_ref().map(|sensor| {
         let (relative, _) = model.direction(machine, sensor);
@@ -146,8 +158,9 @@ fn acceleration_sensing(
     if let Some(i) = dependent(&rows, reach(machine)) {
         return Err(machine.locate(EntryError::new(
             format!("sensors.acceleration.{}", sensors[i].name),
-            "singular sensor arrangement: it reads nothing of the rigid machine that the sensors before it do not; move or turn it",
-        )));
+            "singular sensor arrangement: this sensor measures a combination of what the sensors before it measure",
+        )
+        .fix("move it or change its direction")));
     }
     let inverse = rigid
         .elongations
@@ -156,38 +169,44 @@ fn acceleration_sensing(
     Ok(to_six(&rows) * inverse)
 }
 
-/// The channel order of the force sensors; that they are the six legs was
-/// checked when the file was read.
+/// The order of the force sensors as a permutation, 6×6: sensor values from leg forces in the
+/// order of the actuators.
+///
+/// Validation of the machine has checked that there is one sensor in each of the six legs.
 fn force_sensing(machine: &Machine) -> Result<Matrix6<f64>, MachineError> {
     let Some(sensors) = &machine.force_sensors else {
-        return Err(machine.locate(EntryError::new(
-            "sensors",
-            "there are no force sensors; add one per leg under sensors.force",
-        )));
+        return Err(machine.locate(
+            EntryError::new("sensors", "there are no force sensors")
+                .fix("add one for each leg under sensors.force"),
+        ));
     };
     Ok(Matrix6::from_fn(|i, j| {
         f64::from(u8::from(sensors[i] == machine.actuators[j]))
     }))
 }
 
-/// The design model of section 4: all bodies as one, on the six legs.
+/// All bodies as one rigid body on the six legs, Eq. (13), without damping.
 ///
-/// The six elongations q_s are its coordinates, so B_0 = I.
+/// Its coordinates q_s are the elongations of the six legs, m, in the order of the actuators, so
+/// B_0 = I.
 #[derive(Clone, Debug)]
 pub struct RigidModel {
-    /// M_d, 6×6, kg.
+    /// M_d of Eq. (13), 6×6, kg.
     pub mass: Matrix6<f64>,
-    /// K_d, 6×6, N/m.
+    /// K_d of Eq. (13), 6×6, N/m: elastic, plus the geometric stiffness under gravity.
     pub stiffness: Matrix6<f64>,
-    /// M_r, 6×6, kg.
+    /// M_r of Eq. (13), 6×6, kg, for the floor inputs q̈_r.
     pub rheonomic: Matrix6<f64>,
-    /// q_s from the motion of the rigid whole (translation of the origin and
-    /// rotation), 6×6.
+    /// E_s, 6×6: q_s from the motion of the rigid body, that is, the translation of the origin, m,
+    /// and the rotation, rad. m/m and m/rad.
     pub elongations: Matrix6<f64>,
 }
 
 impl RigidModel {
-    /// Lumps all bodies of `model` into one.
+    /// Takes all bodies of `model` as one rigid body: M_d, K_d and M_r of Eq. (13).
+    ///
+    /// # Errors
+    /// If the elongations of the six legs do not determine the motion of a rigid body.
     pub fn new(machine: &Machine, model: &Multibody) -> Result<Self, MachineError> {
         let ride = &model.ride;
         let elongations = &model.elongations * ride;
@@ -196,9 +215,10 @@ impl RigidModel {
             return Err(machine.locate(EntryError::new(
                 "actuators.beams",
                 format!(
-                    "singular actuator arrangement: \"{beam}\" moves the machine no way that the legs before it do not; place it otherwise"
+                    "singular actuator arrangement: the elongation of \"{beam}\" follows from those of the legs before it"
                 ),
-            )));
+            )
+            .fix("change its position or direction")));
         }
         let inverse = elongations
             .try_inverse()

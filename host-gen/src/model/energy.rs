@@ -1,4 +1,4 @@
-//! Where a mode has its energy, and what that says of it.
+//! The energy of each mode by beam and body, and the kind of mode that follows from it.
 
 use serde::Serialize;
 
@@ -6,40 +6,42 @@ use super::beam::{deformation_stiffness, deformations_from_bodies};
 use super::multibody::{Modes, Multibody};
 use crate::machine::{Carrier, Machine};
 
-/// A part of a machine and its share of a mode's energy.
+/// The share of one beam or body in the energy of a mode.
 #[derive(Clone, Debug, Serialize)]
 pub struct Share {
-    /// The beam or body.
+    /// The name of the beam or body in the machine file.
     pub name: String,
-    /// 0 to 1; the shares of a mode add up to 1.
+    /// Share of the energy, 0 to 1. The shares of all beams, or of all bodies, add up to 1.
     pub share: f64,
 }
 
-/// What a mode is.
+/// The kind of a mode, by the place of its strain energy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// Most strain energy in beams that stand on the base.
+    /// At least half of the strain energy is in beams that end on the base.
     Suspension,
-    /// Most in beams between bodies.
+    /// More than half of the strain energy is in beams between bodies.
     Internal,
 }
 
 /// The energies of one mode.
 #[derive(Clone, Debug, Serialize)]
 pub struct Energies {
-    /// By where the strain energy is, not by number.
+    /// Suspension or internal, by the place of the strain energy.
     pub kind: Kind,
-    /// Mass that moves with the largest translation of any node, kg.
+    /// Modal mass, kg: the mass with the mode's kinetic energy if it moves as the node with the
+    /// largest translation does.
     pub modal_mass: f64,
-    /// Strain energy per beam.
+    /// Share of each beam in the elastic strain energy, in the order of the machine's beams.
     pub strain: Vec<Share>,
-    /// Kinetic energy per body.
+    /// Share of each body in the kinetic energy, in the order of the machine's bodies.
     pub kinetic: Vec<Share>,
 }
 
-/// The energies of every mode. Strain is elastic: gravity's part is not shared
-/// out.
+/// The energies of each of the `modes`, in their order.
+///
+/// Strain energy is elastic: it does not contain the geometric part that gravity adds.
 pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Energies> {
     let beams: Vec<_> = machine
         .beams
@@ -71,7 +73,7 @@ pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Ener
             let kinetic = machine.bodies.iter().enumerate().map(|(i, body)| {
                 let part = shape.rows(6 * i, 6);
                 let mass = model.mass.view((6 * i, 6 * i), (6, 6));
-                // VᵀMV = 1: these add up to 1 as they are.
+                // VᵀMV = 1, so these add up to 1 without scaling.
                 Share {
                     name: body.name.clone(),
                     share: part.dot(&(mass * part)),

@@ -1,10 +1,9 @@
-//! Gravity: static loads of the beams and the geometric stiffness they make.
+//! Gravity: static loads of the beams and the resulting geometric stiffness.
 //!
-//! The machine is taken to stand as drawn under its own weight: the nodes are
-//! where the file says, and the loads balance the weight there. A
-//! load changes the stiffness in two ways. A beam under axial force N resists
-//! bending by N's geometric stiffness, 6N/5L sideways where it is clamped at
-//! both ends. And a body that turns moves the points where forces act on it.
+//! The nodes of the machine file are the equilibrium under gravity: the loads balance the weight
+//! there. A load changes the stiffness in two ways. An axial force N, tension positive, adds
+//! geometric stiffness against lateral motion of a beam: 6N/(5L) if both ends are clamped. And
+//! a body that rotates moves the points at which forces act on it.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -13,17 +12,20 @@ use super::beam::{
 };
 use crate::machine::{Beam, Carrier, Machine};
 
-/// Loads under gravity and what they do.
+/// Static loads under gravity and their geometric stiffness.
 #[derive(Clone, Debug, Default)]
 pub struct Statics {
-    /// Axial force of every beam, N, tension positive; empty without gravity.
+    /// Axial force of each beam, in the order of the machine's beams, N, tension positive. Empty
+    /// without gravity.
     pub axial: Vec<f64>,
-    /// Geometric stiffness in body coordinates; empty without gravity.
+    /// Geometric stiffness in body coordinates, 6n×6n for n bodies, N/m, N and N m. Empty without
+    /// gravity.
     pub geometric: DMatrix<f64>,
 }
 
-/// The compression at which a beam with ends that neither turn nor shift
-/// buckles, N: Euler's 4π²·EI/L² for the weaker plane.
+/// The compressive force at which a beam with both ends clamped buckles, N, positive.
+///
+/// This is Euler's 4π²·EI/L² for the plane with the smaller bending stiffness.
 pub fn buckling_load(beam: &Beam) -> f64 {
     let [y, z] = beam.stiffness.bending;
     let tau = core::f64::consts::TAU;
@@ -31,8 +33,8 @@ pub fn buckling_load(beam: &Beam) -> f64 {
 }
 
 impl Statics {
-    /// Of `machine` under its gravity; `elastic` is its stiffness in body
-    /// coordinates without that of gravity, 6n×6n.
+    /// The loads of `machine` under its gravity. `elastic` is the elastic stiffness in body
+    /// coordinates, 6n×6n for n bodies, without the geometric part.
     pub(crate) fn new(machine: &Machine, elastic: &DMatrix<f64>) -> Self {
         let mut weight = DVector::zeros(elastic.nrows());
         for (i, body) in machine.bodies.iter().enumerate() {
@@ -60,7 +62,7 @@ impl Statics {
             axial.push(force);
             let ends = end_motions(machine, beam, size);
             geometric += ends.transpose() * beam_geometric(beam, force) * &ends;
-            // What the beam's ends push on the bodies with.
+            // Forces of the beam's ends on the bodies.
             let push = -(beam_deformations(beam).transpose() * stress);
             for (end, &node) in beam.ends.iter().enumerate() {
                 let node = &machine.nodes[node];
@@ -76,27 +78,31 @@ impl Statics {
     }
 }
 
-/// Stiffness against turning of a body that `push` acts on at `arm`: the point
-/// moves by ½(φ(φ·r) − r·φ²) beyond first order.
+/// Geometric stiffness, N m, against rotation of a body with the force `push`, N, at `arm`, m,
+/// from its centre of gravity.
+///
+/// A rotation φ moves the point r by ½(φ(φ·r) − r·φ²) to second order.
 fn turned_arm(push: &Vector3<f64>, arm: &Vector3<f64>) -> Matrix3<f64> {
     let outer = push * arm.transpose();
     Matrix3::identity() * push.dot(arm) - 0.5 * (outer + outer.transpose())
 }
 
-/// Geometric stiffness of a beam with axial force `force` against its twelve
-/// end motions: that of a cubic deflection in a plane that resists bending,
-/// that of a string in a plane that does not.
+/// Geometric stiffness, 12×12, of a beam with axial force `force`, N, tension positive, for its
+/// twelve end motions.
+///
+/// The deflection is cubic in a plane with bending stiffness, and straight as in a bar with
+/// hinged ends in a plane without.
 fn beam_geometric(beam: &Beam, force: f64) -> DMatrix<f64> {
     let length = beam.length;
     let mut total = DMatrix::zeros(12, 12);
     let y = beam.axes.row(1);
     let z = beam.axes.row(2);
-    // Deflection along `across`, its slope a turn about `about`.
+    // Deflection along `across`; its slope is a rotation about `about`.
     for (bending, across, about) in [
         (beam.stiffness.bending[0], z, -y),
         (beam.stiffness.bending[1], y, z.into_owned()),
     ] {
-        // (v, θ) at either end from the twelve motions.
+        // Deflection and slope (v, θ) of each end from the twelve motions.
         let mut ends = DMatrix::zeros(4, 12);
         for end in 0..2 {
             ends.view_mut((2 * end, 6 * end), (1, 3)).copy_from(&across);

@@ -1,5 +1,5 @@
-//! How the machine moves: from bodies and beams to M, D, K, M_r, B_0, modes,
-//! static loads, and the six-leg design model.
+//! How the machine moves: M, D, K, M_r and B_0 from bodies and beams, the modes, the static
+//! loads, and the rigid design model on six legs.
 
 pub(crate) mod beam;
 pub mod design_model;

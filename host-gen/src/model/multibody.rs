@@ -1,16 +1,17 @@
-//! Rigid bodies and Euler–Bernoulli beams on a moving base, linearised.
+//! The linear multibody model: rigid bodies and Euler–Bernoulli beams on a moving base.
 //!
-//! Body coordinates x hold, for each body, the translation of its centre of
-//! gravity and its rotation, six numbers, relative to where the moving base
-//! carries it. Deformations depend on x alone; with the base motion b
-//! (translation of the origin and rotation) the absolute motion is x + Φ b and
+//! Body coordinates x are, for each body, the translation of its centre of gravity, m, and its
+//! rotation, rad, both relative to a frame that moves with the base. n bodies have 6n
+//! coordinates. The base motion b is the translation of the origin, m, and the rotation, rad.
+//! The absolute motion of the bodies is x + Φ·b, and deformations depend on x alone. So Eq. (1)
+//! becomes
 //!
 //! ```text
-//! M·ẍ + K·x = −M·Φ·b̈ + Eᵀσ
+//! M·ẍ + D·ẋ + K·x = −M·Φ·b̈ + Eᵀ·σ
 //! ```
 //!
-//! The chosen deformations q_d = E_d·x turn this into Eq. (2). The floor inputs
-//! q_r are six motions on the base, q_r = R·b.
+//! with the leg forces σ, N, and the elongations E·x of the legs. The degrees of freedom
+//! q_d = E_d·x, Eq. (7), and the floor inputs q_r = R·b, Eq. (8), turn this into Eq. (2).
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Matrix6xX, MatrixXx6, RowVector6, Vector3};
 
@@ -21,58 +22,64 @@ use crate::machine::{Carrier, Damping, Deformation, Direction, EntryError, Machi
 use crate::numeric::eigen::generalised_eigen;
 use crate::numeric::six::to_dynamic;
 
-/// The linear model of a machine.
+/// The linear model of a machine with n bodies, Eq. (1), in body coordinates.
 #[derive(Clone, Debug)]
 pub struct Multibody {
-    /// M in body coordinates, 6n×6n, kg and kg m².
+    /// M of Eq. (1) in body coordinates, 6n×6n, kg and kg m².
     pub mass: DMatrix<f64>,
-    /// K in body coordinates, 6n×6n: elastic, and under gravity geometric too.
+    /// K of Eq. (1) in body coordinates, 6n×6n, N/m, N and N m: elastic, plus the geometric
+    /// stiffness under gravity.
     pub stiffness: DMatrix<f64>,
-    /// Static loads, and the geometric stiffness they make.
+    /// Static loads under gravity and their geometric stiffness; empty without gravity.
     pub statics: Statics,
-    /// Dampers along beams, in body coordinates, 6n×6n.
+    /// Dampers along beams, in body coordinates, 6n×6n, N s/m, N s and N m s.
     dampers: DMatrix<f64>,
-    /// Σ η·K of the beams with loss factor η.
+    /// Σ η·K over the beams with loss factor η, in body coordinates, 6n×6n.
     losses: DMatrix<f64>,
     damping: Damping,
-    /// Φ, 6n×6: body motion when the base moves and nothing deforms.
+    /// Φ, 6n×6: motion of the bodies from the motion of the base if no beam deforms. The base
+    /// motion is the translation of the origin, m, and the rotation, rad.
     pub ride: MatrixXx6<f64>,
-    /// R, 6×6: floor inputs from base motion.
+    /// R, 6×6: floor inputs q_r of Eq. (8), m, from base motion, that is, the translation of the
+    /// origin, m, and the rotation, rad.
     pub floor: Matrix6<f64>,
-    /// E_d, 6n×6n: q_d from body coordinates.
+    /// E_d, 6n×6n: the degrees of freedom q_d of Eq. (7), m, from body coordinates.
     pub coordinates: DMatrix<f64>,
-    /// Elongations e1 of the actuated beams from body coordinates, 6×6n.
+    /// E, 6×6n: elongations e1 of the legs, m, from body coordinates. Rows are in the order of
+    /// the actuators.
     pub elongations: Matrix6xX<f64>,
 }
 
-/// The machine in the form of Eq. (2).
+/// The matrices of Eq. (2), for n bodies: M_d·q̈_d + D_d·q̇_d + K_d·q_d = −M_r·q̈_r + B_0·σ_a.
 #[derive(Clone, Debug)]
 pub struct EquationOfMotion {
-    /// M_d, kg.
+    /// M_d of Eq. (2), 6n×6n, kg.
     pub mass: DMatrix<f64>,
-    /// D_d, N s/m.
+    /// D_d of Eq. (2), 6n×6n, N s/m.
     pub damping: DMatrix<f64>,
-    /// K_d, N/m.
+    /// K_d of Eq. (2), 6n×6n, N/m.
     pub stiffness: DMatrix<f64>,
-    /// M_r, 6n×6, kg.
+    /// M_r of Eq. (2), 6n×6, kg: for the floor accelerations q̈_r, m/s².
     pub rheonomic: MatrixXx6<f64>,
-    /// B_0, 6n×6.
+    /// B_0 of Eq. (2), 6n×6, without unit: for the leg forces σ_a, N, in the order of the
+    /// actuators. A positive force makes the leg longer.
     pub input: MatrixXx6<f64>,
 }
 
-/// The undamped modes, and how damping acts on them.
+/// The undamped modes of a machine with n bodies, and the damping in modal coordinates.
 #[derive(Clone, Debug)]
 pub struct Modes {
-    /// ω², rad²/s², ascending. Negative where gravity makes the machine fall.
+    /// ω², rad²/s², 6n, ascending; negative for a mode that gravity makes unstable.
     pub squares: DVector<f64>,
-    /// Shapes in body coordinates as columns, VᵀMV = 1.
+    /// V, 6n×6n: mode shapes in body coordinates as columns, with VᵀMV = 1.
     pub shapes: DMatrix<f64>,
-    /// Δ = VᵀDV, 1/s: diagonal but for dampers along beams.
+    /// Δ = VᵀDV, 6n×6n, 1/s. Diagonal unless there are dampers along beams.
     pub damping: DMatrix<f64>,
 }
 
 impl Modes {
-    /// Natural frequencies, Hz; negative for the rate of a mode that falls.
+    /// Natural frequencies, Hz, ascending. For a mode that gravity makes unstable, minus its rate
+    /// of growth over 2π.
     pub fn hertz(&self) -> Vec<f64> {
         self.squares
             .iter()
@@ -82,8 +89,12 @@ impl Modes {
 }
 
 impl Multibody {
-    /// Assembles the model and checks that the arrangement can be described by
-    /// the chosen coordinates and moved by the floor inputs.
+    /// Assembles M, D and K of Eq. (1), the degrees of freedom q_d of Eq. (7), and the floor
+    /// inputs q_r of Eq. (8).
+    ///
+    /// # Errors
+    /// If the deformations in q_d depend on each other, the floor inputs do not determine the
+    /// motion of a rigid base, or a body can move without deforming a beam.
     pub fn new(machine: &Machine) -> Result<Self, MachineError> {
         let size = 6 * machine.bodies.len();
         let mut mass = DMatrix::zeros(size, size);
@@ -134,7 +145,7 @@ impl Multibody {
         model
             .check(machine)
             .map_err(|fault| machine.locate(fault))?;
-        // After the check: without gravity nothing may be loose.
+        // After the check, because the loads need a stiffness that is positive definite.
         if machine.gravity != Vector3::zeros() {
             model.statics = Statics::new(machine, &model.stiffness);
             model.stiffness += &model.statics.geometric;
@@ -148,20 +159,22 @@ impl Multibody {
             return Err(EntryError::new(
                 "coordinates.deformations",
                 format!(
-                    "dependent degrees of freedom: \"{}\" follows from those before it; choose another deformation",
+                    "dependent degrees of freedom: \"{}\" follows from those before it",
                     machine.deformation_name(machine.coordinates[i])
                 ),
-            ));
+            )
+            .fix("choose another deformation"));
         }
         if let Some(i) = dependent(&to_dynamic(&self.floor), length) {
             return Err(EntryError::new(
                 format!("floor.inputs.{}", machine.floor[i].name),
-                "follows from the inputs before it; the six must fix the motion of a rigid base",
-            ));
+                "this input follows from the inputs before it, but six inputs must determine the motion of a rigid base",
+            )
+            .fix("change its node or its direction"));
         }
         let modes = self.eigen();
         let (lowest, highest) = (modes.0[0], modes.0[modes.0.len() - 1]);
-        // Rounding leaves some 1e-13 of the largest.
+        // Rounding errors are about 1e-13 of the largest eigenvalue.
         if lowest <= 1e-10 * highest {
             let shape = modes.1.column(0);
             let heaviest = (0..machine.bodies.len())
@@ -175,8 +188,9 @@ impl Multibody {
                 .map_or(0, |(i, _)| i);
             return Err(EntryError::new(
                 format!("bodies.{}", machine.bodies[heaviest].name),
-                "can move without deforming any beam that is stiff; hold it by more beams or stiffer ones",
-            ));
+                "this body can move without deforming any stiff beam",
+            )
+            .fix("support it by more or stiffer beams"));
         }
         Ok(())
     }
@@ -186,19 +200,21 @@ impl Multibody {
             .expect("every body's mass and inertia were checked to be positive definite")
     }
 
-    /// The undamped modes of the machine.
+    /// The undamped modes, and the damping in modal coordinates.
+    ///
+    /// Damping is the sum of modal damping, Rayleigh damping, loss factors and dampers.
     pub fn modes(&self) -> Modes {
         let (squares, shapes) = self.eigen();
         let [alpha, beta] = self.damping.rayleigh;
         let mut damping = DMatrix::from_diagonal(&squares.map(|square| {
             2.0 * self.damping.modal * square.abs().sqrt() + alpha + beta * square.abs()
         }));
-        // Exactly diagonal where there are no dampers.
+        // Without dampers the product would add rounding errors off the diagonal.
         if self.dampers.amax() > 0.0 {
             damping += shapes.transpose() * &self.dampers * &shapes;
         }
-        // A loss factor takes η times the strain energy per radian: a mode's
-        // damping is half the mean of η over its strain energy.
+        // A loss factor η dissipates η times the peak strain energy per radian. So the relative
+        // damping of a mode is half the mean of η, weighted by strain energy.
         for (i, shape) in shapes.column_iter().enumerate() {
             let lost = shape.dot(&(&self.losses * shape));
             if lost > 0.0 {
@@ -212,7 +228,9 @@ impl Multibody {
         }
     }
 
-    /// Eq. (2).
+    /// The matrices of Eq. (2): M_d, D_d, K_d, M_r and B_0.
+    ///
+    /// They follow from body coordinates with x = E_d⁻¹·q_d.
     pub fn equation_of_motion(&self) -> EquationOfMotion {
         let inverse = self
             .coordinates
@@ -234,15 +252,18 @@ impl Multibody {
         }
     }
 
-    /// R⁻¹: base motion from the floor inputs.
+    /// R⁻¹, 6×6: the motion of the base, that is, the translation of the origin, m, and the
+    /// rotation, rad, from the floor inputs q_r of Eq. (8), m.
     pub fn floor_inverse(&self) -> Matrix6<f64> {
         self.floor
             .try_inverse()
             .expect("the floor inputs were checked to be independent")
     }
 
-    /// The translation of a node along a direction: its row from body
-    /// coordinates (zero for a base node), and its row from base motion.
+    /// The translation of a node along a direction, m, as two rows: 6n entries from body
+    /// coordinates, zero for a base node, and six from base motion.
+    ///
+    /// The sum of both parts is the absolute translation.
     pub fn direction(&self, machine: &Machine, d: &Direction) -> (DVector<f64>, RowVector6<f64>) {
         let node = &machine.nodes[d.node];
         let mut relative = DVector::zeros(self.mass.nrows());
@@ -256,7 +277,8 @@ impl Multibody {
         (relative, ride)
     }
 
-    /// The translation of a node in a motion of the bodies.
+    /// The translation of a node relative to the base, m, for a motion of the bodies in body
+    /// coordinates, 6n.
     pub fn translation(
         &self,
         machine: &Machine,
@@ -273,8 +295,10 @@ impl Multibody {
         }
     }
 
-    /// The mean translation along an axis, 0 to 2, of the ends of the actuated
-    /// legs that are not on the base, as [`Multibody::direction`] gives it.
+    /// The mean translation of the frame's ends of the legs along an axis, 0 to 2 for x, y, z, in
+    /// the form of [`Multibody::direction`].
+    ///
+    /// The frame's ends are those that are not on the base.
     pub(crate) fn mounts(&self, machine: &Machine, axis: usize) -> (DVector<f64>, RowVector6<f64>) {
         let mut sum = (DVector::zeros(self.mass.nrows()), RowVector6::zeros());
         let mut count = 0.0;
@@ -294,11 +318,12 @@ impl Multibody {
                 count += 1.0;
             }
         }
-        // Independent legs have an end on a body: checked before.
+        // Not 0/0: a leg without an end on a body has no elongation, and the legs were checked to
+        // be independent.
         (sum.0 / count, sum.1 / count)
     }
 
-    /// A deformation's row from body coordinates.
+    /// A deformation of a beam, m, as a row of 6n entries from body coordinates.
     pub fn deformation(&self, machine: &Machine, d: Deformation) -> DVector<f64> {
         deformations_from_bodies(machine, &machine.beams[d.beam])
             .row(d.component)

@@ -6,9 +6,10 @@ use nalgebra::{Complex, DMatrix, DVector};
 
 use super::NumericError;
 
-/// K v = λ M v for symmetric K and positive definite M: λ ascending, and the
-/// vectors as columns with VᵀMV = 1 and the largest entry of each positive.
-/// None if M is not positive definite.
+/// Solves K·v = λ·M·v for a symmetric K (`stiffness`) and a positive definite M (`mass`).
+///
+/// Returns λ in ascending order and the eigenvectors as the columns of V, with VᵀMV = 1 and the
+/// largest entry of each column positive. `None` if M is not positive definite.
 pub fn generalised_eigen(
     stiffness: &DMatrix<f64>,
     mass: &DMatrix<f64>,
@@ -33,16 +34,16 @@ pub fn generalised_eigen(
     Some((values, vectors))
 }
 
-/// All eigenvalues of a general matrix.
+/// All eigenvalues of a square matrix, in no particular order.
 ///
-/// By faer: nalgebra's Schur iteration does not converge on the closed loops
-/// here, which have several equal eigenvalues.
+/// Uses faer: nalgebra's Schur iteration does not converge for the closed loops here, which have
+/// several equal eigenvalues.
 ///
 /// # Errors
-/// Where the iteration does not converge.
+/// [`NumericError::NotConverged`] if the iteration does not converge.
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, NumericError> {
-    // Forces, displacements and sensor values differ by many decades: scaled
-    // first, so that rounding is relative to each.
+    // Forces, displacements and sensor values differ by many orders of magnitude. Balancing
+    // makes rounding errors relative to each of them.
     let mut scaled = matrix.clone();
     balance_parlett_reinsch(&mut scaled);
     faer::Mat::from_fn(scaled.nrows(), scaled.ncols(), |i, j| scaled[(i, j)])
@@ -50,11 +51,13 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, NumericEr
         .map_err(|_| NumericError::NotConverged)
 }
 
-/// The finite λ of A v = λ B v for a singular B: infinite ones are left out or,
-/// through rounding, very large.
+/// The finite eigenvalues λ of A·v = λ·B·v, where B may be singular.
+///
+/// Infinite eigenvalues are left out. Rounding can turn one into a very large value, which is
+/// returned.
 ///
 /// # Errors
-/// Where the iteration does not converge.
+/// [`NumericError::NotConverged`] if the iteration does not converge.
 pub fn generalised_eigenvalues(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,

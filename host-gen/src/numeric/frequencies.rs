@@ -1,11 +1,13 @@
-//! Grids of frequencies that miss no resonance.
+//! Frequency grids that resolve every resonance.
 
 use core::f64::consts::TAU;
 
 use nalgebra::Complex;
 
-/// `count` frequencies from `low` to `high`, Hz, evenly spaced in the logarithm,
-/// and eleven about every peak (Hz, half width in Hz); ascending, each once.
+/// A frequency grid from `low` to `high`, Hz, ascending and without duplicates.
+///
+/// `count` points, at least two, are evenly spaced in the logarithm. Each of the `peaks` (centre
+/// and half width, Hz) adds eleven points, up to eight half widths from its centre.
 pub fn grid(low: f64, high: f64, count: usize, peaks: &[(f64, f64)]) -> Vec<f64> {
     let steps = (count - 1) as f64;
     let mut all: Vec<f64> = (0..count)
@@ -24,7 +26,10 @@ pub fn grid(low: f64, high: f64, count: usize, peaks: &[(f64, f64)]) -> Vec<f64>
     all
 }
 
-/// Lightly damped poles, rad/s, as peaks: Hz and half width, Hz.
+/// The peaks that lightly damped poles make: centre and half width, Hz, for [`grid`].
+///
+/// `poles` are in rad/s. A pole makes a peak if its real part is below 0.3 of its imaginary
+/// part; a conjugate pair makes one peak.
 pub fn pole_peaks<'a>(poles: impl IntoIterator<Item = &'a Complex<f64>>) -> Vec<(f64, f64)> {
     poles
         .into_iter()

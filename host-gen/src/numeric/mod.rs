@@ -6,17 +6,18 @@ pub mod rows;
 pub mod singular;
 pub mod six;
 
-/// A computation that has no result.
+/// Why a computation has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NumericError {
     /// An eigenvalue iteration did not converge.
     #[error(
-        "an eigenvalue iteration did not converge; the machine's stiffnesses and masses differ by too many orders of magnitude"
+        "an eigenvalue iteration did not converge because the machine's stiffnesses and masses differ by too many orders of magnitude; check their units"
     )]
     NotConverged,
-    /// 1 + K·D is singular, so the unsampled loop determines no forces.
+    /// 1 + K·D is singular, with K the proportional gain and D the plant's direct feedthrough:
+    /// the ideal loop, without sampling and delay, has no unique leg forces.
     #[error(
-        "the unsampled loop is ill-posed: 1 + K·D is singular, as where a suspension mode has no stiffness"
+        "the ideal loop is ill-posed: 1 + K·D is singular, for example because a suspension mode has no stiffness; check the stiffness of the legs"
     )]
     IllPosed,
 }

@@ -2,14 +2,17 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// The first row that is a combination of the rows before it, to `tolerance`
-/// of its own length.
+/// The index of the first row that depends linearly on the rows before it; `None` if all rows
+/// are independent.
+///
+/// A row is dependent if at most `tolerance` of its length is orthogonal to the rows before it.
+/// A zero row is dependent.
 pub fn first_dependent_row(rows: &DMatrix<f64>, tolerance: f64) -> Option<usize> {
     let mut basis: Vec<DVector<f64>> = Vec::new();
     for (i, row) in rows.row_iter().enumerate() {
         let mut rest = row.transpose();
         let length = rest.norm();
-        // Twice, because once leaves rounding of the size of the condition.
+        // Twice, because one pass leaves an error that grows with the condition number.
         for _ in 0..2 {
             for direction in &basis {
                 let along = direction.dot(&rest);

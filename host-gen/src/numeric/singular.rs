@@ -1,15 +1,14 @@
-//! The largest singular value of a complex matrix, and a bound on the smallest.
+//! The largest singular value of a complex matrix, and a test for a lower bound on the smallest.
 
 use nalgebra::{Complex, Const, Dyn, OMatrix, SVector};
 use shared::LEGS;
 
 use super::six::ComplexMatrix6;
 
-/// The largest singular value; infinite if an entry is not finite.
+/// The largest singular value of a matrix; infinite if an entry is not finite.
 ///
-/// By Lanczos' iteration on GᴴG: a few products with G, where all singular
-/// values take some thirty times as many: curves over
-/// frequency need only the largest.
+/// Uses the Lanczos iteration on GᴴG. Curves over frequency need only the largest value, and a
+/// few matrix products find it about thirty times faster than a full decomposition.
 pub fn largest_singular_value<const N: usize>(
     matrix: &OMatrix<Complex<f64>, Dyn, Const<N>>,
 ) -> f64 {
@@ -23,13 +22,13 @@ pub fn largest_singular_value<const N: usize>(
     if scale == 0.0 {
         return 0.0;
     }
-    // GᴴG by parts: real products are much faster than complex ones.
+    // Real and imaginary part of GᴴG: real products are much faster than complex ones.
     let (re, im) = (matrix.map(|z| z.re / scale), matrix.map(|z| z.im / scale));
     let cross = re.transpose() * &im;
     let real = re.transpose() * &re + im.transpose() * &im;
     let imaginary = cross - cross.transpose();
-    // A start with a part along everything, also where symmetry parts the
-    // coordinates.
+    // The start vector has a component along every eigenvector, also where symmetry decouples
+    // the coordinates.
     let mut v = [0.5, 0.1].map(|least| {
         SVector::<f64, N>::from_fn(|i, _| {
             least + ((1.0 + i as f64) * 0.618_033_988_749_895).fract()
@@ -39,8 +38,8 @@ pub fn largest_singular_value<const N: usize>(
     let length = norm(&v);
     v.iter_mut().for_each(|part| part.unscale_mut(length));
     let mut before = [SVector::<f64, N>::zeros(); 2];
-    // GᴴG along the directions so far: tridiagonal, with its off-diagonal
-    // entries before the diagonal ones.
+    // GᴴG in the basis built so far is tridiagonal. `beside[k]` is the off-diagonal entry
+    // between rows k − 1 and k.
     let mut diagonal = [0.0; STEPS];
     let mut beside = [0.0; STEPS];
     let mut largest = 0.0;
@@ -49,7 +48,7 @@ pub fn largest_singular_value<const N: usize>(
         let [x, y] = &v;
         let image = [real * x - imaginary * y, real * y + imaginary * x];
         diagonal[k] = image[0].dot(x) + image[1].dot(y);
-        // Above every eigenvalue of the matrix with one row more.
+        // An upper bound for the eigenvalues of the matrix with the new row.
         let apart = 0.5 * (largest - diagonal[k]);
         let above = 0.5 * (largest + diagonal[k]) + (apart * apart + beside[k] * beside[k]).sqrt();
         let next = largest_of_tridiagonal(&diagonal[..=k], &beside[1..=k], above);
@@ -59,8 +58,8 @@ pub fn largest_singular_value<const N: usize>(
             0
         };
         largest = next;
-        // Less its parts along the last two directions. Those before come back
-        // by rounding only as the largest value is found.
+        // Orthogonal to the last two vectors only. Rounding brings the earlier ones back only
+        // once the largest value has converged.
         let rest: [_; 2] =
             core::array::from_fn(|i| image[i] - v[i] * diagonal[k] - before[i] * beside[k]);
         let length = norm(&rest);
@@ -74,16 +73,18 @@ pub fn largest_singular_value<const N: usize>(
     scale * largest.sqrt()
 }
 
-/// Far more steps than the iteration takes with the 24 columns or fewer here.
+/// Limit on Lanczos steps, far more than matrices of at most 24 columns need.
 const STEPS: usize = 48;
 
-/// The largest eigenvalue of a symmetric tridiagonal matrix, by Newton's
-/// iteration on its characteristic polynomial from a bound `above`: all roots
-/// are real, so it comes down to the largest and never passes it.
+/// The largest eigenvalue of a symmetric tridiagonal matrix with the off-diagonal entries
+/// `beside`.
+///
+/// Newton's iteration on the characteristic polynomial starts at the upper bound `above`. All
+/// roots are real, so it descends to the largest root and does not overshoot.
 fn largest_of_tridiagonal(diagonal: &[f64], beside: &[f64], above: f64) -> f64 {
     let mut x = above;
     for _ in 0..60 {
-        // Pivots of x − T, and the sum of their logarithms' derivatives.
+        // Pivots of x − T, and the sum of their logarithmic derivatives.
         let mut lowest = x - diagonal[0];
         let mut inverse = 1.0 / lowest;
         let mut slope = 1.0;
@@ -96,7 +97,7 @@ fn largest_of_tridiagonal(diagonal: &[f64], beside: &[f64], above: f64) -> f64 {
             inverse = 1.0 / pivot;
             sum += slope * inverse;
         }
-        // At the root itself, or past it by rounding.
+        // At the root, or below it by rounding.
         if !(sum.is_finite() && lowest > 0.0) {
             break;
         }
@@ -109,11 +110,11 @@ fn largest_of_tridiagonal(diagonal: &[f64], beside: &[f64], above: f64) -> f64 {
     x
 }
 
-/// Whether no singular value of a matrix is below 1/`bound`: of a return
-/// difference 1 + L, whether the sensitivity is within `bound`.
+/// Whether all singular values of a matrix exceed 1/`bound`.
 ///
-/// (1 + L)ᴴ(1 + L) − 1/bound² is then positive definite, which a factorisation
-/// shows much faster than singular values do.
+/// For a return difference 1 + L this says that the sensitivity (1 + L)⁻¹ is below `bound`.
+/// Then (1 + L)ᴴ(1 + L) − 1/bound² is positive definite. A factorisation tests this much faster
+/// than singular values do.
 pub(crate) fn smallest_is_above(matrix: ComplexMatrix6, bound: f64) -> bool {
     let mut square = matrix.ad_mul(&matrix);
     let floor = 1.0 / (bound * bound);
@@ -123,8 +124,10 @@ pub(crate) fn smallest_is_above(matrix: ComplexMatrix6, bound: f64) -> bool {
     is_positive_definite(square)
 }
 
-/// nalgebra's complex Cholesky factorisation takes square roots of negative
-/// pivots, so the pivots are looked at here.
+/// Whether a Hermitian matrix is positive definite.
+///
+/// nalgebra's complex Cholesky factorisation takes square roots of negative pivots and does not
+/// fail, so this checks the pivots itself.
 fn is_positive_definite(mut m: ComplexMatrix6) -> bool {
     for k in 0..LEGS {
         let pivot = m[(k, k)].re;
@@ -146,8 +149,8 @@ fn is_positive_definite(mut m: ComplexMatrix6) -> bool {
 mod tests {
     use super::*;
 
-    /// Against nalgebra's decomposition: random matrices, equal singular values,
-    /// low rank, blocks that do not see each other, few rows, any scale.
+    /// Compared with nalgebra's decomposition: random matrices, equal singular values, low rank,
+    /// decoupled blocks, few rows, any scale.
     #[test]
     fn the_largest_singular_value_is_that_of_the_decomposition() {
         use proptest::prelude::*;
@@ -175,13 +178,13 @@ mod tests {
                 };
                 let mut g = G::from_fn(rows, |i, j| match kind {
                     0 => entry(i, j),
-                    // Columns that do not see each other, two of one size.
+                    // Orthogonal columns, in pairs of equal norm.
                     1 if i == j => Complex::from(entry(i / 2, 0).norm()),
                     // Rank one.
                     2 => entry(i, 0) * entry(0, j),
                     // Two blocks.
                     3 if (i < 3) == (j < 3) => entry(i, j),
-                    // A resonance: rank one far above the rest.
+                    // A resonance: one rank-one part dominates.
                     4 => entry(i, 0) * entry(0, j) * 1e3 + entry(i, j),
                     _ => Complex::ZERO,
                 });

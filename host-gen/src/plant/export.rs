@@ -1,4 +1,4 @@
-//! The generalised plant for other programs.
+//! The generalised plant as matrices for other programs.
 
 use std::fmt::Write as _;
 
@@ -7,22 +7,25 @@ use nalgebra::DMatrix;
 use super::generalised::Plant;
 use super::state_space::INPUTS;
 
-/// The generalised plant G of Fig. 4 as matrices: inputs are the six floor
-/// accelerations and the six leg forces; outputs the performance accelerations
-/// and the sensors.
+/// The generalised plant G of Fig. 4 as matrices.
+///
+/// The inputs are the six floor accelerations, m/s², and the six leg forces, N. The outputs are
+/// the performance accelerations, m/s², and the sensors, m/s² or N. The states are the modal
+/// coordinates and their rates.
 pub struct Generalised {
-    /// A.
+    /// A of Eq. (3), 2n×2n for n modes.
     pub a: DMatrix<f64>,
-    /// B.
+    /// B of Eq. (3), 2n×12: floor accelerations, then leg forces.
     pub b: DMatrix<f64>,
-    /// C.
+    /// C of Eq. (4), one row for each output: performance, then sensors.
     pub c: DMatrix<f64>,
-    /// D.
+    /// D of Eq. (4), with the rows of C and the columns of B.
     pub d: DMatrix<f64>,
 }
 
 impl Generalised {
-    /// Of a plant: its outputs, the sensors last, the rigid whole left out.
+    /// The matrices of `plant`, with its performance outputs and then its sensors as the only
+    /// outputs.
     pub fn new(plant: &Plant) -> Self {
         let ss = &plant.state_space;
         let order = |m: &DMatrix<f64>| {
@@ -45,9 +48,10 @@ impl Generalised {
     }
 }
 
-/// A matrix as a dense Matrix Market file, which Python (`scipy.io.mmread`),
-/// Octave (`mmread`) and Julia (`MatrixMarket.mmread`) read. Numbers read back
-/// to the same bits.
+/// A matrix as the text of a dense Matrix Market file.
+///
+/// Python (`scipy.io.mmread`), Octave (`mmread`) and Julia (`MatrixMarket.mmread`) read this
+/// format. The numbers read back to the same bits.
 pub fn matrix_market(matrix: &DMatrix<f64>) -> String {
     let mut text = String::from("%%MatrixMarket matrix array real general\n");
     // Writing to a String cannot fail.

@@ -1,11 +1,11 @@
-//! The generalised plant G of Fig. 4, in modal form, continuous and sampled.
+//! The generalised plant G of Fig. 4, continuous, in modal form.
 //!
-//! Inputs are the six floor accelerations and the six leg forces; outputs are
-//! the feedback sensors, the performance accelerations, and the motion of the
-//! machine as a rigid whole, from which the corner is read.
+//! The inputs are the six floor accelerations and the six leg forces. The outputs are the
+//! feedback sensors, the performance accelerations, the acceleration of the machine as one rigid
+//! body, the legs' elongations, and the frame's acceleration.
 //!
-//! The paper stacks the inputs of Eq. (6) in one order in B and in the other in
-//! u; here the floor always comes first, as in Fig. 4.
+//! Eq. (6) of the paper has the inputs in one order in B and in the other in u. Here the floor
+//! always comes first, as in Fig. 4.
 
 use core::ops::Range;
 
@@ -21,30 +21,34 @@ use crate::model::design_model::DesignModel;
 use crate::model::multibody::{Modes, Multibody};
 use crate::numeric::frequencies::pole_peaks;
 
-/// The plant.
+/// The generalised plant of a flexible machine, continuous, with its rows of outputs.
 #[derive(Clone, Debug)]
 pub struct Plant {
-    /// As matrices.
+    /// The plant as matrices A, B, C and D, in modal coordinates.
     pub state_space: StateSpace,
-    /// As poles.
+    /// The plant as partial fractions, in ascending order of |λ|.
     pub poles: Vec<PlantPole>,
     pub(super) terms: Terms,
-    /// G(0) and G'(0). Accelerations far below the modes are small differences
-    /// of D and the poles' parts; from here they are not.
+    /// G(0) and dG/ds at s = 0. Far below the modes, accelerations would be small differences of D
+    /// and the partial fractions. Counted from these values they keep their digits.
     pub(super) slow: [DMatrix<f64>; 2],
     pub(super) sensors: usize,
     performance: usize,
-    /// Floor accelerations that move the base along each rigid mode, 6×6: with
-    /// these for inputs, [`Plant::whole`] is the identity at low frequency.
+    /// Floor accelerations, m/s², that move the base along each mode of the design model, as
+    /// columns, 6×6. With these as inputs, the rows [`Plant::whole`] are the identity at low
+    /// frequency.
     pub rigid_floor: Matrix6<f64>,
 }
 
 impl Plant {
-    /// The flexible machine with the sensors of `design`.
+    /// The plant of a flexible machine: performance outputs of Eq. (10), and the sensors that
+    /// `design` feeds back, force sensors of Eq. (11) or accelerometers of Eq. (12) or both.
+    ///
+    /// `model` and `design` are the models of the same machine.
     ///
     /// # Errors
-    /// Where a mode is damped exactly critically, or the eigenvalue iteration for
-    /// modes coupled by dampers does not converge.
+    /// If a mode is exactly critically damped, or if the eigenvalue iteration for modes coupled by
+    /// dampers does not converge.
     pub fn new(
         machine: &Machine,
         model: &Multibody,
@@ -73,7 +77,8 @@ impl Plant {
             }
         }
         if design.feedback != Feedback::Acceleration {
-            // σ − (EA/L)·e1, Eq. (11) with the push positive.
+            // y = σ − (EA/L)·e1, Eq. (11): like σ, positive if it pushes the frame away from the
+            // foot.
             let all = machine.force_sensors.iter().flatten();
             for (i, &beam) in (sensors - LEGS..).zip(all) {
                 for (j, &actuator) in machine.actuators.iter().enumerate() {
@@ -101,8 +106,8 @@ impl Plant {
                 }
             }
         }
-        // The machine as a rigid whole: its momentum along each rigid mode,
-        // whose shape in the motion of the whole is b = E_s⁻¹·S·w.
+        // The machine as one rigid body: its momentum along each mode w of the design model. The
+        // motion of the body in these modes is E_s⁻¹·S·w.
         let rigid_modes = design
             .rigid
             .elongations
@@ -138,12 +143,16 @@ impl Plant {
             .poles(squares, damping)
             .map_err(|error| machine.locate(EntryError::new("", error.to_string())))?
             .ok_or_else(|| {
-                machine.locate(EntryError::new(
-                    "damping",
-                    "a mode is damped exactly critically; change the damping a little",
-                ))
+                machine.locate(
+                    EntryError::new(
+                        "damping",
+                        "a mode is exactly critically damped, so its two poles coincide",
+                    )
+                    .fix("change the damping slightly"),
+                )
             })?;
-        // 1/(s² + Δ·s + Λ) is Λ⁻¹ − s·Λ⁻¹·Δ·Λ⁻¹ + …; accelerations start at s².
+        // Displacements follow 1/(s² + Δ·s + Λ) = Λ⁻¹ − s·Λ⁻¹·Δ·Λ⁻¹ + …. Accelerations relative to
+        // the base are of order s², so they add nothing to value and slope.
         let soft = DMatrix::from_diagonal(&squares.map(f64::recip));
         let mut value = DMatrix::zeros(state_space.d.nrows(), INPUTS);
         value.columns_mut(0, LEGS).copy_from(&out.floor);
@@ -162,8 +171,10 @@ impl Plant {
         })
     }
 
-    /// The design model as matrices, its sensors only: undamped, and with force
-    /// sensors that measure all of K_d·q, as section 4 of the paper assumes.
+    /// The design model as matrices, with its six sensors as the only outputs.
+    ///
+    /// It has no damping, and its force sensors measure all of K_d·q_s, as section 4 of the paper
+    /// assumes. With both kinds of sensors, only the accelerometers are outputs.
     pub fn of_design_model(design: &DesignModel) -> StateSpace {
         let s = &design.modal;
         let mut out = Outputs::zeros(LEGS, LEGS);
@@ -188,45 +199,43 @@ impl Plant {
         )
     }
 
-    /// Rows of the feedback sensors: six, or of both kinds twelve,
+    /// Output rows of the feedback sensors, m/s² or N: six, or with both kinds twelve, the
     /// accelerometers first.
     pub fn sensors(&self) -> Range<usize> {
         0..self.sensors
     }
 
-    /// Rows of the performance accelerations.
+    /// Output rows of the performance accelerations, m/s².
     pub fn performance(&self) -> Range<usize> {
         self.sensors..self.sensors + self.performance
     }
 
-    /// Rows of the acceleration of the machine as a rigid whole, in the modal
-    /// coordinates of the design model: its momentum along each rigid mode,
-    /// √kg·m/s².
+    /// Output rows of the acceleration of the machine as one rigid body, √kg·m/s²: the rate of
+    /// change of its momentum along each of the six modes of the design model.
     pub fn whole(&self) -> Range<usize> {
         let start = self.performance().end;
         start..start + LEGS
     }
 
-    /// Rows of the second time derivatives of the actuated legs' elongations,
-    /// m/s².
+    /// Output rows of the second time derivatives of the six legs' elongations, m/s².
     pub fn legs(&self) -> Range<usize> {
         let start = self.whole().end;
         start..start + LEGS
     }
 
-    /// Rows of the frame's acceleration along x, y and z, m/s²: the mean over
-    /// the upper ends of the actuated legs.
+    /// Output rows of the frame's absolute acceleration along x, y and z, m/s²: the mean over the
+    /// legs' ends that are not on the base.
     pub fn frame(&self) -> Range<usize> {
         let start = self.legs().end;
         start..start + 3
     }
 
-    /// The pole pairs as resonances: Hz and half width, Hz.
+    /// The resonances, as centre and half width, Hz, for a frequency grid.
     pub fn peaks(&self) -> Vec<(f64, f64)> {
         pole_peaks(self.poles.iter().map(|pole| &pole.lambda))
     }
 
-    /// All transfer functions at `hz`.
+    /// The frequency response of the continuous plant at `hz`, Hz.
     pub fn response(&self, hz: f64) -> Response<'_> {
         Response {
             terms: &self.terms,

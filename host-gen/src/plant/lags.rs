@@ -1,4 +1,4 @@
-//! First-order lags of amplifiers and sensors, between converters and machine.
+//! First-order lags of amplifiers and sensors between converters and machine.
 
 use core::f64::consts::TAU;
 
@@ -11,13 +11,13 @@ use super::response::Terms;
 use super::state_space::INPUTS;
 use crate::machine::Board;
 
-/// The plant between the converters: with the lags of amplifiers and sensors.
+/// The plant with the lags of amplifiers and sensors, as partial fractions.
 #[derive(Clone, Debug)]
 pub(super) struct Lagged {
     pub(super) poles: Vec<PlantPole>,
     pub(super) terms: Terms,
     pub(super) direct: DMatrix<f64>,
-    /// As [`Plant::slow`].
+    /// G(0) and dG/ds at s = 0, as in [`Plant::slow`].
     pub(super) slow: [DMatrix<f64>; 2],
 }
 
@@ -30,7 +30,7 @@ impl Lagged {
             slow: plant.slow.clone(),
         };
         let [value, slope] = &mut lagged.slow;
-        // a/(s + a) is 1 − s/a + …
+        // The value and slope of a lag: a/(s + a) = 1 − s/a + ….
         if let Some(hz) = board.actuator_bandwidth {
             let mut slope = slope.columns_mut(LEGS, LEGS);
             slope -= value.columns(LEGS, LEGS) / (TAU * hz);
@@ -44,8 +44,8 @@ impl Lagged {
         }
         let real = |values: DVector<f64>| values.map(Complex::from);
         let unit = |size, i| real(DVector::from_fn(size, |j, _| f64::from(u8::from(i == j))));
-        // a/(s + a)·1/(s − λ) in partial fractions, and the same for what is
-        // direct: the lag's own pole has the residue a·G(−a).
+        // Partial fractions of the product of G(s) and a/(s + a): each residue of G times
+        // a/(λ + a), and the pole −a of the lag with the residue a·G(−a).
         if let Some(hz) = board.actuator_bandwidth {
             let a = TAU * hz;
             let residue = lagged.at(-a) * a;
@@ -63,7 +63,8 @@ impl Lagged {
                 output: real(residue.column(j).into_owned()),
             }));
         }
-        // Before any of them: a kind's lag is not on the other's way.
+        // Residues before any sensor lag is applied, because the two kinds of sensors are in
+        // parallel.
         let residues: Vec<_> = lags.clone().map(|(_, a)| lagged.at(-a) * a).collect();
         for ((first, a), residue) in lags.zip(residues) {
             for pole in &mut lagged.poles {
@@ -87,7 +88,7 @@ impl Lagged {
         lagged
     }
 
-    /// G(s) for a real s.
+    /// G(s) at a real s, rad/s.
     fn at(&self, s: f64) -> DMatrix<f64> {
         let mut sum = self.direct.clone();
         for pole in &self.poles {

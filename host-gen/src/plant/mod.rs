@@ -1,5 +1,5 @@
-//! What the sensors see of leg forces and floor: the generalised plant as
-//! matrices, as poles, as frequency responses, and as the board samples it.
+//! What the sensors measure of leg forces and floor: the generalised plant as matrices, as
+//! partial fractions, as frequency responses, and as the board samples it.
 
 pub mod export;
 pub mod generalised;

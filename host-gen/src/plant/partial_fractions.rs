@@ -1,5 +1,4 @@
-//! The plant in modal form: a sum of poles, each with what drives it and what
-//! shows it.
+//! The plant as partial fractions: one term for each pole.
 
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 
@@ -7,24 +6,27 @@ use super::state_space::StateSpace;
 use crate::numeric::NumericError;
 use crate::numeric::eigen::eigenvalues;
 
-/// One pole of the plant with what drives it and what shows it:
-/// output·input/(s − λ), and the conjugate of it for a pair.
+/// A pole λ of the plant with its residue output·inputᵀ: the term output·inputᵀ/(s − λ), plus its
+/// conjugate if the pole is one of a pair.
 #[derive(Clone, Debug)]
 pub struct PlantPole {
-    /// λ, rad/s; of a pair the one above the real axis.
+    /// The pole λ, rad/s. Of a conjugate pair, the one above the real axis.
     pub lambda: Complex<f64>,
-    /// Whether its conjugate is a pole too.
+    /// Whether the conjugate of λ is a pole too.
     pub pair: bool,
     pub(super) input: DVector<Complex<f64>>,
     pub(super) output: DVector<Complex<f64>>,
 }
 
 impl StateSpace {
-    /// Partial fractions. None where A has no full set of eigenvectors, as
-    /// with a mode damped exactly critically.
+    /// The partial fractions, in ascending order of |λ|. `None` if A has no full set of
+    /// eigenvectors, for example because a mode is exactly critically damped.
+    ///
+    /// `squares` are ω² of the undamped modes, rad²/s², and `damping` is Δ in their coordinates,
+    /// 1/s.
     ///
     /// # Errors
-    /// Where the eigenvalue iteration does not converge.
+    /// If the eigenvalue iteration for modes coupled by dampers does not converge.
     pub(super) fn poles(
         &self,
         squares: &DVector<f64>,
@@ -46,7 +48,8 @@ impl StateSpace {
         Ok(poles)
     }
 
-    /// The poles of one mode, s² + Δ·s + Λ = (s − λ₁)(s − λ₂).
+    /// The poles of one mode that no damper couples to others, from
+    /// s² + Δ·s + Λ = (s − λ₁)·(s − λ₂). `None` if the two are equal.
     fn poles_of_mode(&self, mode: usize, square: f64, damping: f64) -> Option<Vec<PlantPole>> {
         let n = self.a.nrows() / 2;
         let half = 0.5 * damping;
@@ -73,14 +76,15 @@ impl StateSpace {
         })
     }
 
-    /// The poles of modes that dampers couple, from the eigenvalues of A.
+    /// The poles of modes that dampers couple, from the eigenvalues of A. `None` if A has no full
+    /// set of eigenvectors.
     ///
-    /// Poles that symmetry makes equal get an orthonormal set of eigenvectors:
-    /// those of an eigenvalue iteration may be parallel to all digits.
+    /// Poles that are equal by symmetry get orthonormal eigenvectors from a singular value
+    /// decomposition. Those of an eigenvalue iteration can be parallel to rounding.
     fn coupled_poles(&self, mut values: Vec<Complex<f64>>) -> Option<Vec<PlantPole>> {
         let size = values.iter().map(|z| z.norm()).fold(0.0, f64::max);
         let zero = 1e-12 * size;
-        // A pole below the real axis comes with the one above.
+        // A pole below the real axis is the conjugate of one above.
         values.retain(|lambda| lambda.im > -zero);
         let a = self.a.map(Complex::from);
         let n = a.nrows();
@@ -101,7 +105,7 @@ impl StateSpace {
             let directions = svd.v_t?;
             let mut order: Vec<usize> = (0..n).collect();
             order.sort_by(|&i, &j| svd.singular_values[i].total_cmp(&svd.singular_values[j]));
-            // Where an eigenvector is missing, so is a small singular value.
+            // Each eigenvector needs a singular value that is zero to rounding.
             if svd.singular_values[order[count - 1]] > 10.0 * EQUAL * size {
                 return None;
             }
@@ -134,5 +138,5 @@ impl StateSpace {
     }
 }
 
-/// Poles nearer to each other than this part of the largest count as equal.
+/// Poles count as equal if they differ by less than this factor times the largest |λ|.
 const EQUAL: f64 = 1e-9;

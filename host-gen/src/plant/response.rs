@@ -1,4 +1,4 @@
-//! Frequency response from the poles.
+//! Frequency response from partial fractions.
 
 use core::f64::consts::TAU;
 use core::ops::Range;
@@ -8,20 +8,25 @@ use shared::LEGS;
 
 use super::partial_fractions::PlantPole;
 
-/// The poles' parts with real vectors, a column or a row each:
-/// output[0]·input goes with the sum of what a pole and its conjugate pass,
-/// output[1]·input with j times their difference. So a frequency takes real
-/// products, and of a mode that no damper couples to others half of them.
+/// The residues of all poles as products of real vectors, so that a frequency takes real matrix
+/// products only.
+///
+/// Let g be the gain of a pole at one frequency and g* that of its conjugate. A term contributes
+/// outputs[0]·inputs·(g + g*) + outputs[1]·inputs·j·(g − g*). A pole whose input vector is real,
+/// such as that of a mode that no damper couples to others, has one term; another pole has two.
 #[derive(Clone, Debug)]
 pub(super) struct Terms {
-    /// Index of the pole.
+    /// The index of each term's pole.
     poles: Vec<usize>,
     outputs: [DMatrix<f64>; 2],
-    /// From floor accelerations and from forces.
+    /// Rows for the floor accelerations, and rows for the leg forces.
     inputs: [MatrixXx6<f64>; 2],
 }
 
-/// The transfer functions of `poles` at `hz`, those of the forces times `hold`.
+/// The gains of all poles at `hz`, Hz; those from the leg forces times `hold`.
+///
+/// `value` and `slope` are G(0) and dG/ds at s = 0. The poles' contributions are counted from
+/// there, so that accelerations far below the modes keep their digits.
 pub(super) fn continuous<'a>(
     poles: &[PlantPole],
     [value, slope]: &'a [DMatrix<f64>; 2],
@@ -29,7 +34,7 @@ pub(super) fn continuous<'a>(
     hold: Complex<f64>,
 ) -> Part<'a> {
     let s = Complex::new(0.0, TAU * hz);
-    // c·b/(s − λ) less its value and slope at zero.
+    // 1/(s − λ) minus its value and slope at s = 0.
     let passes = |_, lambda: Complex<f64>| {
         let ratio = s / lambda;
         let gain = ratio * ratio / (s - lambda);
@@ -44,9 +49,11 @@ pub(super) fn continuous<'a>(
     }
 }
 
-/// Sum, and j times the difference, of what each pole and its conjugate pass;
-/// `passes` gives, for a pole's index and λ or its conjugate, what floor and
-/// forces are to be multiplied by.
+/// For each pole, for floor and leg forces: the sum of the gains of the pole and its conjugate,
+/// and j times their difference.
+///
+/// `passes` gives the two gains, from the floor and from the leg forces, for the index of a pole
+/// and either λ or its conjugate.
 pub(super) fn gains(
     poles: &[PlantPole],
     passes: impl Fn(usize, Complex<f64>) -> [Complex<f64>; 2],
@@ -73,8 +80,8 @@ impl Terms {
         let mut outputs = [const { Vec::new() }; 2];
         let mut inputs = Vec::new();
         for (k, pole) in poles.iter().enumerate() {
-            // A phase moved from input to output makes the input real where it
-            // can be.
+            // A phase factor moved from input to output makes the input real if all its entries
+            // have the same phase.
             let largest = pole.input[pole.input.icamax()];
             let phase = if largest == Complex::ZERO {
                 Complex::ONE
@@ -104,43 +111,45 @@ impl Terms {
     }
 }
 
-/// Frequency response of the plant at one frequency: floor accelerations and
-/// leg forces to sensors, performance and the whole. What is asked for is
-/// computed when it is.
+/// The frequency response of a plant at one frequency, from the floor accelerations, m/s², and
+/// the leg forces, N, to all its outputs. Blocks are computed on demand.
 #[derive(Clone, Debug)]
 pub struct Response<'a> {
     pub(super) terms: &'a Terms,
     pub(super) part: Part<'a>,
-    /// What samples of the sensors see of sampled forces, where they are.
+    /// For a sampled plant, the response from the samples of the forces to those of the sensors.
     pub(super) sampled: Option<Part<'a>>,
     pub(super) sensors: usize,
 }
 
-/// What goes with the terms at one frequency.
+/// The factors of [`Terms`] at one frequency, and the matrices to add.
 #[derive(Clone, Debug)]
 pub(super) struct Part<'a> {
-    /// What the poles' parts are added to.
+    /// The real matrices that the poles' contributions are added to.
     pub(super) direct: [Option<Scaled<'a>>; 2],
-    /// By pole, for floor and forces: what goes with a term's outputs.
+    /// For each pole, for floor and forces: the factors of the two outputs of its terms.
     pub(super) gains: Vec<[[Complex<f64>; 2]; 2]>,
 }
 
-/// A real matrix, and its factors for the columns of the floor and the forces.
+/// A real matrix, with a factor for the columns of the floor and one for those of the forces.
 pub(super) type Scaled<'a> = (&'a DMatrix<f64>, [Complex<f64>; 2]);
 
-/// Any number of outputs from six inputs, as complex gains.
+/// Complex gains from six inputs to any number of outputs.
 pub type Gain = MatrixXx6<Complex<f64>>;
 
-/// Six forces from six or twelve sensors as complex gains.
+/// Complex gains from six or twelve sensors to the six leg forces, N per unit of the sensor.
 pub type Control = Matrix6xX<Complex<f64>>;
 
 impl Response<'_> {
-    /// From floor accelerations to these rows.
+    /// The block from the floor accelerations, m/s², to the output `rows`.
     pub fn from_floor(&self, rows: Range<usize>) -> Gain {
         self.part.block(self.terms, rows, 0)
     }
 
-    /// From leg forces to these rows: the sensors' or others.
+    /// The block from the leg forces, N, to the output `rows`.
+    ///
+    /// For a sampled plant and rows of sensors only, from the samples of the forces to the samples
+    /// of the sensors. For other rows, to the continuous outputs.
     pub fn from_legs(&self, rows: Range<usize>) -> Gain {
         match &self.sampled {
             Some(sampled) if rows.end <= self.sensors => sampled.block(self.terms, rows, 1),
@@ -148,13 +157,16 @@ impl Response<'_> {
         }
     }
 
-    /// Leg forces to sensors, G22.
+    /// G22: the block from the leg forces, N, to the six or twelve sensors, m/s² or N.
     pub fn g22(&self) -> Gain {
         self.from_legs(0..self.sensors)
     }
 
-    /// Floor accelerations to `rows` with the loop closed by σ = C·y; C may
-    /// take the first six sensors of twelve alone.
+    /// The gains from the floor accelerations to the output `rows` with the loop closed by output
+    /// feedback, Eq. (5): σ = C·y, with C = `controller`.
+    ///
+    /// With twelve sensors, a controller of six columns feeds back the first six only. All gains
+    /// are infinite if the frequency is exactly that of an undamped pole of the closed loop.
     pub fn close(&self, rows: Range<usize>, controller: &Control) -> Gain {
         // σ = (1 − C·G22)⁻¹·C·G21·q̈_r
         let sensors = 0..controller.ncols();
@@ -164,21 +176,21 @@ impl Response<'_> {
                 let force = inverse * (controller * self.from_floor(sensors));
                 self.from_floor(rows.clone()) + self.from_legs(rows) * force
             }
-            // Exactly on a closed-loop pole.
+            // Exactly at a pole of the closed loop.
             None => self.from_floor(rows).map(|_| Complex::from(f64::INFINITY)),
         }
     }
 }
 
 impl Part<'_> {
-    /// These rows from the floor (`group` 0) or the forces (1).
+    /// The block from the floor (`group` 0) or the leg forces (`group` 1) to these rows.
     fn block(&self, terms: &Terms, rows: Range<usize>, group: usize) -> Gain {
         let Terms {
             poles,
             outputs,
             inputs,
         } = terms;
-        // Real and imaginary parts one above the other.
+        // Real parts in the upper half of the rows, imaginary parts in the lower half.
         let mut passed = DMatrix::<f64>::zeros(2 * rows.len(), poles.len());
         for (t, (mut column, &pole)) in passed.column_iter_mut().zip(poles).enumerate() {
             let [sum, difference] = self.gains[pole][group];

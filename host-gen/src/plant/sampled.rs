@@ -1,4 +1,4 @@
-//! The plant as the board samples it.
+//! The plant as the board samples it: zero-order hold, latch delay, and samples of the sensors.
 
 use core::f64::consts::TAU;
 
@@ -10,24 +10,25 @@ use super::lags::Lagged;
 use super::response::{Part, Response, continuous, gains};
 use crate::machine::Board;
 
-/// One pole over a sample period, exactly, for inputs held in between.
+/// The exact change of one pole's state over a sample period T.
 #[derive(Clone, Copy, Debug)]
 struct SampledPole {
     /// e^(λT).
     transition: Complex<f64>,
-    /// From an input at the period's start and at its end, straight between.
+    /// Effect of an input that moves in a straight line over the period: from its value at the
+    /// start, and from its value at the end.
     now: Complex<f64>,
     next: Complex<f64>,
-    /// From one held from the start until the latch.
+    /// Effect of an input that is held from the start of the period until the latch.
     before: Complex<f64>,
-    /// From one held from the latch until the end.
+    /// Effect of an input that is held from the latch until the end of the period.
     after: Complex<f64>,
-    /// The mean over the period, from the state at its start and from the same
-    /// inputs.
+    /// The mean of the state over the period.
     mean: Means,
 }
 
-/// See [`SampledPole::mean`].
+/// The mean of a pole's state over a period, from the state at its start and from the inputs of
+/// [`SampledPole`].
 #[derive(Clone, Copy, Debug)]
 struct Means {
     state: Complex<f64>,
@@ -37,10 +38,10 @@ struct Means {
     after: Complex<f64>,
 }
 
-/// (eˣ − 1 − x − … − xⁿ⁻¹/(n−1)!)/xⁿ: integrals of eˣ over and over.
+/// φ_n(x) = (eˣ − 1 − x − … − xⁿ⁻¹/(n−1)!)/xⁿ, the n-fold integral of eˣ over xⁿ.
 fn phi(n: u32, x: Complex<f64>) -> Complex<f64> {
     if x.norm() < 0.5 {
-        // Σ xᵏ/(k + n)!, to double precision.
+        // The series Σ xᵏ/(k + n)!, which avoids cancellation, to double precision.
         let mut term = Complex::from(1.0 / (1..=n).map(f64::from).product::<f64>());
         let mut sum = term;
         for k in 1..16 {
@@ -56,68 +57,69 @@ fn phi(n: u32, x: Complex<f64>) -> Complex<f64> {
     }
 }
 
-/// The plant as the board sees it: sampled at kT, forces latched a while later
-/// and held for T.
+/// The plant between the board's converters: sensors sampled at kT, forces latched after a delay
+/// and held for one period T.
 ///
-/// With a latch delay of m·T + θ, 0 ≤ θ < T, the force of sample k acts from
-/// (k + m)T + θ on. A sample sees what was latched before its instant; where a
-/// latch and a sample coincide the sample comes first, as it does on a board
-/// whose converter samples on the edge that also latches. The floor moves
-/// straight from sample to sample.
+/// With a latch delay of m·T + θ, 0 ≤ θ < T, the force of sample k acts from (k + m)·T + θ for
+/// one period. A sample measures the effect of forces latched before its instant. If a latch and
+/// a sample coincide, the sample comes first, as on a board whose timer edge both starts the
+/// conversion and latches. Floor accelerations are interpolated linearly between samples.
 ///
-/// Frequency responses from forces to sensors are from sample to sample; to all
-/// else they are to the continuous signal at that frequency, for the samples of
-/// an acceleration also hold the steps that the held forces make.
+/// Frequency responses from forces to sensors relate samples to samples. Those to all other
+/// outputs give the component of the continuous signal at the frequency itself. Samples of an
+/// acceleration would also contain the steps of the held forces.
 ///
-/// Amplifier and sensors with a bandwidth are first-order lags here, between
-/// converters and machine; the continuous plant does not have them.
+/// Bandwidths of amplifier and sensors are first-order lags here. The continuous plant does not
+/// have them.
 #[derive(Clone, Debug)]
 pub struct SampledPlant {
     poles: Vec<SampledPole>,
     lagged: Lagged,
-    /// m.
+    /// m, the whole periods of the latch delay.
     pub(crate) whole_periods: usize,
-    /// θ/T.
+    /// θ/T, the rest of the latch delay in periods, 0 to below 1.
     part: f64,
-    /// T, s.
+    /// The sample period T, s.
     pub period: f64,
-    /// The continuous plant.
+    /// The continuous plant, without the lags of amplifier and sensors.
     pub plant: Plant,
 }
 
-/// The sampled plant as real matrices: a block of one or two states a pole.
+/// The sampled plant as real matrices, with one state for each real pole and two for each pair.
 pub(crate) struct SampledStateSpace {
-    /// The diagonal blocks, by pole: first state, real and imaginary part of
-    /// e^(λT), and whether there are two states.
+    /// The diagonal blocks of the transition matrix, for each pole: its first state, e^(λT), and
+    /// whether it has two states.
     pub(crate) blocks: Vec<(usize, Complex<f64>, bool)>,
-    /// The change over a period.
+    /// Change of the states over a period from the inputs.
     pub(crate) change: ByInput,
-    /// All outputs at the start of a period from the states.
+    /// All outputs at the start of a period from the states. Direct feedthrough is apart, in
+    /// [`SampledPlant::direct`].
     pub(crate) output: DMatrix<f64>,
-    /// The mean of all outputs over a period from the states at its start.
+    /// Mean of all outputs over a period from the states at its start.
     pub(crate) mean: DMatrix<f64>,
-    /// The same from the inputs.
+    /// Mean of all outputs over a period from the inputs.
     pub(crate) mean_by: ByInput,
 }
 
-/// By what happens in a period.
+/// Effects of the inputs over a period, each with one row for each state or output.
 pub(crate) struct ByInput {
-    /// From floor accelerations at its start.
+    /// From the floor accelerations at the start of the period, m/s².
     pub(crate) now: MatrixXx6<f64>,
-    /// At its end.
+    /// From the floor accelerations at the end of the period, m/s².
     pub(crate) next: MatrixXx6<f64>,
-    /// From the forces latched in it.
+    /// From the leg forces latched in the period, N.
     pub(crate) after: MatrixXx6<f64>,
-    /// From the forces they take over from.
+    /// From the leg forces held before that latch, N.
     pub(crate) before: MatrixXx6<f64>,
 }
 
 impl SampledPlant {
-    /// Samples `plant` with the timing of `board`.
+    /// Samples `plant` with the sample period and the latch delay of `board`, and adds the lags of
+    /// its amplifier and sensors.
     pub fn new(plant: Plant, board: &Board) -> Self {
         let period = board.period();
         let periods = board.latch_delay / period;
-        // A delay typed as a whole number of periods is one.
+        // A delay that is a whole number of periods to rounding is taken as exactly that.
         let nearest = periods.round();
         let (whole_periods, part) = if (periods - nearest).abs() < 1e-9 {
             (nearest, 0.0)
@@ -131,8 +133,8 @@ impl SampledPlant {
             .map(|pole| {
                 let x = pole.lambda * period;
                 let rest = period - part;
-                // Held for t, and the mean over the period of being held
-                // since a while t before its end.
+                // State at the end of a hold of length t; and the mean over the period if the hold
+                // begins a time t before its end.
                 let held = |t: f64| phi(1, pole.lambda * t) * t;
                 let since = |t: f64| phi(2, pole.lambda * t) * (t * t / period);
                 let ramp = phi(2, x) * period;
@@ -156,7 +158,7 @@ impl SampledPlant {
         Self {
             poles,
             lagged,
-            // At most eight: checked with the file.
+            // At most eight, by validation of the machine.
             whole_periods: whole_periods as usize,
             part: part / period,
             period,
@@ -164,23 +166,23 @@ impl SampledPlant {
         }
     }
 
-    /// D of the outputs as the ADC sees them.
+    /// D of the outputs with the lags of amplifier and sensors; columns are floor, then forces.
     pub(crate) fn direct(&self) -> &DMatrix<f64> {
         &self.lagged.direct
     }
 
-    /// How many samples old the force is that a sample sees.
+    /// The age, in samples, of the newest force that a sample measures: m + 1.
     pub fn seen_delay(&self) -> usize {
         self.whole_periods + 1
     }
 
-    /// e^(jωT) at `hz`.
+    /// z = e^(jωT) at `hz`, Hz.
     pub fn z(&self, hz: f64) -> Complex<f64> {
         Complex::cis(TAU * hz * self.period)
     }
 
-    /// All transfer functions of the sampled plant at `hz`, forces counted from
-    /// the sample they were computed from.
+    /// The frequency response of the sampled plant at `hz`, Hz. The phase of a force is that of
+    /// the sample from which it was computed.
     pub fn response(&self, hz: f64) -> Response<'_> {
         let z = self.z(hz);
         let delay = z.powi(-(self.whole_periods as i32));
@@ -198,7 +200,7 @@ impl SampledPlant {
             let force = gain * (of(pole.after) * delay + of(pole.before) * seen);
             [Complex::ZERO, force]
         };
-        // Latched, then held for T.
+        // The latch delay and the zero-order hold.
         let turn = Complex::new(0.0, TAU * hz * self.period);
         let hold = delay * (-turn * self.part).exp() * phi(1, -turn);
         let Lagged {
@@ -218,7 +220,7 @@ impl SampledPlant {
         }
     }
 
-    /// As real matrices, for marching and for eigenvalues.
+    /// The sampled plant as real matrices, for simulation and for eigenvalues.
     pub(crate) fn state_space(&self) -> SampledStateSpace {
         let mut blocks = Vec::new();
         let mut states = 0;
@@ -255,7 +257,7 @@ impl SampledPlant {
                 put(|by| &mut by.after, sampled.after * by_leg);
                 put(|by| &mut by.before, sampled.before * by_leg);
             }
-            // y = output·ξ plus its conjugate for a pair.
+            // y = output·ξ, plus its conjugate for a pair.
             let twice = if pair { 2.0 } else { 1.0 };
             for (i, &c) in pole.output.iter().enumerate() {
                 let c = twice * c;

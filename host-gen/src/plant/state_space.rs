@@ -1,25 +1,30 @@
-//! The plant as matrices.
+//! The plant as matrices A, B, C and D.
 
 use nalgebra::{DMatrix, DVector, MatrixXx6};
 use shared::LEGS;
 
-/// Floor accelerations, then leg forces.
+/// Number of inputs of the plant: the six floor accelerations of Eq. (8), m/s², then the six leg
+/// forces of Eq. (9), N.
 pub const INPUTS: usize = 2 * LEGS;
 
-/// ẋ = A·x + B·u, y = C·x + D·u with x = (z, ż), z the modal coordinates.
+/// A linear system ẋ = A·x + B·u, Eq. (3), with outputs y = C·x + D·u, Eq. (4).
+///
+/// The state is x = (z, ż) with the modal coordinates z, √kg·m. n modes have 2n states.
 #[derive(Clone, Debug)]
 pub struct StateSpace {
-    /// A, 1/s.
+    /// A of Eq. (3), 2n×2n: [[0, 1], [−Λ, −Δ]] with Λ in rad²/s² and Δ in 1/s.
     pub a: DMatrix<f64>,
-    /// B, columns as [`INPUTS`].
+    /// B of Eq. (3), 2n×12. Columns are the inputs as in [`INPUTS`].
     pub b: DMatrix<f64>,
-    /// C, rows as [`Plant::sensors`], [`Plant::performance`], [`Plant::whole`].
+    /// C of Eq. (4), with one row for each output. For the rows see
+    /// [`Plant::sensors`](super::Plant::sensors) and the methods after it.
     pub c: DMatrix<f64>,
-    /// D.
+    /// D of Eq. (4), direct feedthrough from the inputs to the outputs, rows as in C.
     pub d: DMatrix<f64>,
 }
 
-/// Outputs y = A·z̈ + D·z + F·q̈_r + B·σ while they are put together.
+/// The outputs in terms of z̈, z, q̈_r and σ, each with one row for each output:
+/// y = acceleration·z̈ + displacement·z + floor·q̈_r + actuators·σ.
 pub(super) struct Outputs {
     pub(super) acceleration: DMatrix<f64>,
     pub(super) displacement: DMatrix<f64>,
@@ -39,7 +44,10 @@ impl Outputs {
 }
 
 impl StateSpace {
-    /// From z̈ + Δ·ż + Λ·z = b_r·q̈_r + b_a·σ.
+    /// A and B of Eq. (6) in modal coordinates, and C and D of the `outputs`.
+    ///
+    /// The modes follow z̈ + Δ·ż + Λ·z = b_r·q̈_r + b_a·σ, with `squares` the diagonal of Λ,
+    /// `damping` Δ, `floor` b_r and `actuators` b_a.
     pub(super) fn new(
         squares: &DVector<f64>,
         damping: &DMatrix<f64>,

@@ -1,9 +1,9 @@
-//! Transmission zeros of the secondary path, leg forces to sensors (G22).
+//! Transmission zeros of the secondary path from leg forces to sensors, G22.
 //!
-//! Where the sensors read nothing whatever the forces do, the loop has no hold
-//! on the machine: with high gain the closed loop's poles move onto the zeros
-//! (section 5). For accelerations these are the modes of what is left when the
-//! sensors stand still; for forces those without the legs' axial stiffness.
+//! At the frequency of a zero the legs can act while all sensors read zero, so the loop cannot
+//! control that motion. With high gain the poles of the closed loop move to the zeros (section 5
+//! of the paper). For accelerometers the zeros are the modes of the machine with its frame held.
+//! For force sensors they are the modes without the axial stiffness of the legs.
 
 use nalgebra::{Complex, DMatrix};
 use shared::LEGS;
@@ -13,26 +13,30 @@ use crate::machine::Feedback;
 use crate::numeric::NumericError;
 use crate::numeric::eigen::{eigenvalues, generalised_eigenvalues};
 
-/// D is inverted if no direction of it is smaller than its scale by this.
+/// D is inverted only if its smallest singular value times this exceeds its scale.
 const CONDITION: f64 = 1e8;
 
-/// A finite zero of a machine lies within this many times its fastest pole;
-/// what the pencil gives beyond is infinite but for rounding.
+/// A finite zero of a machine is at most this many times as fast as its fastest pole. Larger
+/// eigenvalues of the pencil are infinite ones with rounding errors.
 const FINITE: f64 = 30.0;
 
-/// Whether a zero grows: what is left with the sensors held is unstable, as
-/// where a leg's load under gravity outweighs its stiffness, and high gain
-/// makes the closed loop so.
+/// Whether any of the zeros, rad/s, is unstable, that is, in the right half plane.
+///
+/// Then the machine is unstable while the sensors read zero, for example because the load of a
+/// leg under gravity exceeds its lateral stiffness, and high gain makes the closed loop unstable.
 pub fn grow(zeros: &[Complex<f64>]) -> bool {
-    // Rounding leaves real parts of 1e-9 or so of a zero's size.
+    // Rounding leaves real parts of about 1e-9 of |s|.
     zeros.iter().any(|s| s.re > 1e-6 * s.norm())
 }
 
-/// The zeros, rad/s, slowest first. The first outputs of `plant` are the
-/// sensors. Twelve sensors have none together: of both kinds, each kind's own.
+/// The transmission zeros of G22, rad/s, in ascending order of |s|.
+///
+/// The first outputs of `plant` must be the sensors of `feedback`. Twelve sensors have no common
+/// zeros, so with both kinds the result is the zeros of the accelerometers, then those of the
+/// force sensors.
 ///
 /// # Errors
-/// Where the eigenvalue iteration does not converge.
+/// [`NumericError::NotConverged`] if an eigenvalue iteration does not converge.
 pub fn transmission_zeros(
     plant: &StateSpace,
     feedback: Feedback,
@@ -47,9 +51,10 @@ pub fn transmission_zeros(
     }
 }
 
-/// The same of the six sensors from row `first` on. The twelve zeros at s = 0
-/// that six accelerometers have, because nothing accelerates at rest, are left
-/// out.
+/// The zeros of the six sensors from row `first` on, rad/s, in ascending order of |s|.
+///
+/// Six accelerometers have twelve zeros at s = 0, because they read zero for constant forces.
+/// These are left out.
 fn of_six(
     plant: &StateSpace,
     first: usize,
@@ -58,9 +63,9 @@ fn of_six(
     let b = plant.b.columns(LEGS, LEGS);
     let c = plant.c.rows(first, LEGS);
     let d = plant.d.view((first, LEGS), (LEGS, LEGS)).into_owned();
-    // What D would be but for cancellation: sensors that a force reaches only
-    // through springs leave nothing of it but rounding. A mode without stiffness
-    // makes A singular; the pencil serves then.
+    // The size of the terms that cancel in D. If forces reach the sensors only through springs,
+    // D is nothing but rounding errors. A mode without stiffness makes A singular; then use the
+    // pencil.
     let slow = plant.a.clone().lu().solve(&b.into_owned());
     let scale = slow.map_or(f64::INFINITY, |slow| (c.abs() * slow.abs()).amax());
     let inverse = (d.singular_values().min() * CONDITION > scale)

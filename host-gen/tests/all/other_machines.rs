@@ -338,7 +338,7 @@ proptest! {
 
     /// What the gains are for: on the design model all six modes come to ω_n
     /// with damping ζ_n. The eigenvalues come from a matrix that knows nothing
-    /// of Eqs. (19), (20) and (22).
+    /// of Eq. (19), Eq. (20) and Eq. (22).
     #[test]
     fn gains_place_all_poles(table in random_machine()) {
         let study = study(&table.to_string());
