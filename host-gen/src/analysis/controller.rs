@@ -52,8 +52,8 @@ impl DesignAnalysis {
             margins: margins(
                 &closed,
                 study.design_model(),
+                &machine.target,
                 machine.board.whole_delay(),
-                machine.target.max_sensitivity,
                 &pole_peaks(&poles),
             ),
             delay: DelayBudget::new(&machine.board),

@@ -8,6 +8,7 @@ use shared::LEGS;
 
 use super::SLOWEST;
 use super::sampled::SampledLoop;
+use crate::machine::Target;
 use crate::model::design_model::DesignModel;
 use crate::numeric::frequencies::grid;
 
@@ -75,18 +76,18 @@ pub struct Bode {
 
 /// The margins of the sampled loop `closed`, opened at the modal forces of `model`.
 ///
-/// `delay` is the whole delay τ of the loop, s, and `bound` the largest allowed peak sensitivity
-/// Ms. The frequency grid is refined at `peaks` (centre and half width, Hz).
+/// `target` has the target frequency, from a small part of which on the loop is evaluated, and
+/// the largest allowed peak sensitivity Ms; `delay` is the whole delay τ of the loop, s. The frequency grid is refined at `peaks` (centre and half width, Hz).
 pub fn margins(
     closed: &SampledLoop<'_>,
     model: &DesignModel,
+    target: &Target,
     delay: f64,
-    bound: f64,
     peaks: &[(f64, f64)],
 ) -> Margins {
     let modal_loop = closed.modal_loop(&model.modal);
     let top = 0.5 / closed.plant.period;
-    let points = grid(SLOWEST, top, 3000, peaks);
+    let points = grid(SLOWEST * target.frequency, top, 3000, peaks);
     let mut single = [0.0_f64; LEGS];
     let mut together = 0.0_f64;
     let mut logarithms = Vec::with_capacity(points.len());
@@ -121,7 +122,7 @@ pub fn margins(
     if let Some(last) = logarithms.iter().rposition(|log| *log < -LN_2) {
         bode.crossover_hz = points[last];
     }
-    bode.limit_hz = (0.5 / delay - bode.crossover_hz).max(0.0) * bound.ln();
+    bode.limit_hz = (0.5 / delay - bode.crossover_hz).max(0.0) * target.max_sensitivity.ln();
     Margins {
         modes: single.map(Margin::new),
         together: Margin::new(together),

@@ -152,22 +152,27 @@ impl Report {
             let board = &machine.board;
             let budgets = both_budgets(study.plant(), board, table, &floor, SPECTRA)?;
             charts.extend(charts::vibration(criterion.name(), &budgets));
-            let history = history(study, table);
+            // The long parts in parallel.
+            let ((history, simulation), analysis) = rayon::join(
+                || {
+                    let outputs = machine.performance_names();
+                    let settings = &machine.simulation;
+                    rayon::join(
+                        || history(study, table),
+                        || compare(study.plant(), board, settings, table, outputs),
+                    )
+                },
+                || DesignAnalysis::new(study, design.clone()),
+            );
             charts.extend(charts::session(machine, &history));
             let [open, under] = budgets;
             let name = criterion.name().to_owned();
             closed = Some(Closed {
                 poles: PoleAnalysis::new(study, table)?,
-                design: DesignAnalysis::new(study, design.clone())?,
+                design: analysis?,
                 // The charts have the spectra.
                 floor: FloorAnalysis::new(study, name, SPECTRA, open, under).without_spectra(),
-                simulation: compare(
-                    study.plant(),
-                    board,
-                    &machine.simulation,
-                    table,
-                    machine.performance_names(),
-                ),
+                simulation,
                 phases: history.phases,
                 table_format: shared::table::FORMAT_VERSION,
                 table_checksum: table.checksum(),

@@ -5,6 +5,7 @@ mod analysis;
 mod bad_files;
 mod common;
 mod edits;
+mod kept_searches;
 mod metrology_frame;
 mod modal_law;
 mod other_machines;

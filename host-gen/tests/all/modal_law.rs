@@ -197,7 +197,13 @@ fn what_is_attenuated_comes_back() {
     let plant = study.plant();
     let closed = SampledLoop { plant, law };
     let peaks = pole_peaks(&closed.poles().unwrap());
-    let found = margins(&closed, study.design_model(), 75e-6, 2.0, &peaks);
+    let found = margins(
+        &closed,
+        study.design_model(),
+        &study.machine().target,
+        75e-6,
+        &peaks,
+    );
     let bode = found.bode;
     assert!(bode.attenuation_hz > 500.0);
     assert!((bode.attenuation_hz / bode.amplification_hz - 1.0).abs() < 0.01);

@@ -4,9 +4,11 @@ use std::fmt::{self, Display, Formatter};
 
 use super::aligned::TITLE;
 use super::loops::write_design;
+use super::shapes::write_shapes;
 use crate::analysis::controller::DesignAnalysis;
 use crate::analysis::delay::DelayBudget;
 use crate::analysis::rounding::Rounding;
+use crate::design::Shaping;
 
 impl Display for DesignAnalysis {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
@@ -134,6 +136,9 @@ impl Display for DesignAnalysis {
                 write!(f, " unreachable")?;
             }
             writeln!(f)?;
+        }
+        if let Shaping::Modes { shapes } = &self.shaped.shaping {
+            write_shapes(f, shapes)?;
         }
         Ok(())
     }

@@ -12,6 +12,7 @@ mod modes;
 mod plant_matrices;
 mod poles;
 mod robustness;
+mod shapes;
 mod sigma;
 mod summary;
 mod zeros;
