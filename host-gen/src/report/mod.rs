@@ -1,6 +1,7 @@
 //! A machine's report: everything a design review asks, as data, as a page, as
 //! pictures.
 
+use indexmap::IndexMap;
 use serde::Serialize;
 
 use crate::analysis::compare::MachineComparison;
@@ -327,26 +328,22 @@ impl SideBySide {
             .zip(reports)
             .map(|(name, report)| (name.clone(), &report.charts[..]))
             .collect();
-        let mut keys: Vec<&str> = Vec::new();
-        for setting in reports.iter().flat_map(|report| &report.settings) {
-            if !keys.contains(&&setting.key[..]) {
-                keys.push(&setting.key);
+        // Of every key, in the order in which they are met, the value in each machine.
+        let mut values: IndexMap<&str, Vec<Option<String>>> = IndexMap::new();
+        for (i, report) in reports.iter().enumerate() {
+            for setting in &report.settings {
+                let of_key = values.entry(&setting.key);
+                of_key.or_insert_with(|| vec![None; reports.len()])[i] =
+                    Some(setting.value.clone());
             }
         }
-        let values = |key: &&str| {
-            let value = |report: &Report| {
-                let mut settings = report.settings.iter();
-                settings.find(|s| s.key == *key).map(|s| s.value.clone())
-            };
-            reports.iter().map(value).collect::<Vec<_>>()
-        };
         Ok(Self {
             charts: laid_over(&charts),
             compared: MachineComparison::new(reports.iter().map(|report| &report.own))?,
-            differences: keys
-                .iter()
-                .map(|key| ((*key).to_owned(), values(key)))
+            differences: values
+                .into_iter()
                 .filter(|(_, values)| values.iter().any(|value| value != &values[0]))
+                .map(|(key, values)| (key.to_owned(), values))
                 .collect(),
             names,
         })
