@@ -9,11 +9,11 @@ use crate::machine::{Carrier, Direction, Machine};
 #[derive(Clone, Debug, Serialize)]
 pub struct Scene {
     /// All nodes.
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<SceneNode>,
     /// All beams.
-    pub beams: Vec<Beam>,
+    pub beams: Vec<SceneBeam>,
     /// All bodies.
-    pub bodies: Vec<Body>,
+    pub bodies: Vec<SceneBody>,
     /// Accelerometers.
     pub accelerometers: Vec<Arrow>,
     /// Force sensors: beams by index.
@@ -24,7 +24,7 @@ pub struct Scene {
 
 /// A node.
 #[derive(Clone, Debug, Serialize)]
-pub struct Node {
+pub struct SceneNode {
     /// Name.
     pub name: String,
     /// m.
@@ -35,7 +35,7 @@ pub struct Node {
 
 /// A beam.
 #[derive(Clone, Debug, Serialize)]
-pub struct Beam {
+pub struct SceneBeam {
     /// Name.
     pub name: String,
     /// Nodes by index.
@@ -52,7 +52,7 @@ pub struct Beam {
 
 /// A body.
 #[derive(Clone, Debug, Serialize)]
-pub struct Body {
+pub struct SceneBody {
     /// Name.
     pub name: String,
     /// kg.
@@ -82,7 +82,7 @@ impl Scene {
             node: d.node,
             direction: d.direction.into(),
         };
-        let nodes = machine.nodes.iter().map(|node| Node {
+        let nodes = machine.nodes.iter().map(|node| SceneNode {
             name: node.name.clone(),
             at: node.at.into(),
             body: match node.carrier {
@@ -90,7 +90,7 @@ impl Scene {
                 Carrier::Body(body) => Some(body),
             },
         });
-        let beams = machine.beams.iter().enumerate().map(|(i, beam)| Beam {
+        let beams = machine.beams.iter().enumerate().map(|(i, beam)| SceneBeam {
             name: beam.name.clone(),
             ends: beam.ends,
             channel: machine
@@ -102,7 +102,7 @@ impl Scene {
             bending: beam.stiffness.bending,
             torsion: beam.stiffness.torsion,
         });
-        let bodies = machine.bodies.iter().map(|body| Body {
+        let bodies = machine.bodies.iter().map(|body| SceneBody {
             name: body.name.clone(),
             mass: body.mass,
             inertia: body.inertia.transpose().into(),
