@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::criterion::Criterion;
 use super::digest;
-use super::vibration::{Budget, Powers, SOURCES};
+use super::vibration::{NoiseBudget, Powers, SOURCES};
 use crate::design::Study;
 
 /// What a floor and the board's noise come to, with and without control.
@@ -64,7 +64,7 @@ fn dominant(powers: &Powers) -> &'static str {
 }
 
 impl FloorSide {
-    fn new(study: &Study, budget: Budget, [low, high]: [f64; 2]) -> Self {
+    fn new(study: &Study, budget: NoiseBudget, [low, high]: [f64; 2]) -> Self {
         let machine = study.machine();
         let legs = |what: &str| {
             let name = |leg: &usize| format!("{what} {}", machine.beams[*leg].name);
@@ -122,7 +122,7 @@ impl FloorSide {
 impl FloorAnalysis {
     /// Of a study on the floor `name`: without control and with it, from `band`'s
     /// one end to the other.
-    pub fn new(study: &Study, name: String, band: [f64; 2], open: Budget, closed: Budget) -> Self {
+    pub fn new(study: &Study, name: String, band: [f64; 2], open: NoiseBudget, closed: NoiseBudget) -> Self {
         Self {
             machine: study.machine().name.clone(),
             model_sha256: digest(study.machine()),

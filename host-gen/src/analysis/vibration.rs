@@ -106,7 +106,7 @@ pub type Spectra = Vec<Vec<Powers>>;
 
 /// What the floor and the noise come to.
 #[derive(Clone, Debug)]
-pub struct Budget {
+pub struct NoiseBudget {
     /// Hz, finer about every resonance.
     pub hz: Vec<f64>,
     /// Of the performance outputs, (m/s²)²/Hz.
@@ -129,7 +129,7 @@ pub fn both_budgets(
     table: &ValidTable,
     floor: &Floor,
     band: [f64; 2],
-) -> Result<[Budget; 2], NumericError> {
+) -> Result<[NoiseBudget; 2], NumericError> {
     let of = |table| budget(plant, board, table, floor, band);
     Ok([of(None)?, of(Some(table))?])
 }
@@ -145,7 +145,7 @@ pub fn budget(
     table: Option<&ValidTable>,
     floor: &Floor,
     [low, high]: [f64; 2],
-) -> Result<Budget, NumericError> {
+) -> Result<NoiseBudget, NumericError> {
     let law = table.map(LinearLaw::new);
     let mut peaks = plant.plant.peaks();
     if let Some(law) = law {
@@ -178,7 +178,7 @@ pub fn budget(
     let dac = rounding(board.dac_noise, board.dac.lsb()) * board.actuator_gain.powi(2);
 
     let model = &plant.plant;
-    let mut budget = Budget {
+    let mut budget = NoiseBudget {
         performance: vec![Vec::new(); model.performance().len()],
         frame: vec![Vec::new(); 3],
         force: vec![Vec::new(); LEGS],
@@ -228,7 +228,7 @@ pub fn budget(
     Ok(budget)
 }
 
-impl Budget {
+impl NoiseBudget {
     /// Power of a spectrum from `low` to `high` Hz by source: trapezoids.
     pub fn power(&self, spectrum: &[Powers], low: f64, high: f64) -> Powers {
         let mut sum = [0.0; SOURCES.len()];

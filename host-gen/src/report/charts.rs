@@ -7,7 +7,7 @@ use shared::LEGS;
 use super::chart::{Axis, Chart, Colour, Scale, Series, Style};
 use crate::analysis::criterion::{Criterion, third_centres};
 use crate::analysis::sigma::{LawKind, SigmaAnalysis};
-use crate::analysis::vibration::{Budget, SOURCES, Spectra};
+use crate::analysis::vibration::{NoiseBudget, SOURCES, Spectra};
 use crate::closed_loop::isolation::isolation_band;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::control::LinearLaw;
@@ -291,8 +291,8 @@ fn points_of(
 
 /// Floor vibration: one-third octaves on the criteria, and the spectrum of the
 /// performance by source.
-pub fn vibration(floor: &str, [open, closed]: &[Budget; 2]) -> [Chart; 2] {
-    let thirds = |budget: &Budget| {
+pub fn vibration(floor: &str, [open, closed]: &[NoiseBudget; 2]) -> [Chart; 2] {
+    let thirds = |budget: &NoiseBudget| {
         let thirds = budget.thirds().into_iter();
         thirds
             .map(|(hz, velocity, _)| (hz, 1e6 * velocity))
@@ -313,7 +313,7 @@ pub fn vibration(floor: &str, [open, closed]: &[Budget; 2]) -> [Chart; 2] {
             .map(|i| sum(i).sqrt())
             .collect::<Vec<_>>()
     };
-    let total = |budget: &Budget| {
+    let total = |budget: &NoiseBudget| {
         let density = together(&budget.performance, &|powers| powers.iter().sum());
         budget.hz.iter().copied().zip(density).collect::<Vec<_>>()
     };
