@@ -25,7 +25,7 @@ pub struct Cache {
 /// What a search found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Outcome {
+pub(super) enum SearchOutcome {
     /// A shaping that reaches the target.
     Found(Shaping),
     /// That none does, why, and what to change.
@@ -37,9 +37,9 @@ pub(super) enum Outcome {
 pub(super) struct Key(String);
 
 #[derive(Serialize, Deserialize)]
-struct Entry {
+struct CacheEntry {
     key: String,
-    outcome: Outcome,
+    outcome: SearchOutcome,
 }
 
 impl Key {
@@ -72,20 +72,20 @@ impl Cache {
     }
 
     /// What was found for `key`, if it is here and whole.
-    pub(super) fn read(&self, key: &Key) -> Option<Outcome> {
+    pub(super) fn read(&self, key: &Key) -> Option<SearchOutcome> {
         let text = fs::read_to_string(self.path(key)).ok()?;
         let (checksum, json) = text.split_once('\n')?;
         if checksum != hexadecimal(json.as_bytes()) {
             return None;
         }
-        let entry: Entry = serde_json::from_str(json).ok()?;
+        let entry: CacheEntry = serde_json::from_str(json).ok()?;
         (entry.key == key.0).then_some(entry.outcome)
     }
 
     /// Keeps what was found. Where that is not possible the next search is made again:
     /// no error.
-    pub(super) fn write(&self, key: &Key, outcome: Outcome) {
-        let entry = Entry {
+    pub(super) fn write(&self, key: &Key, outcome: SearchOutcome) {
+        let entry = CacheEntry {
             key: key.0.clone(),
             outcome,
         };

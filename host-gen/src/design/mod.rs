@@ -16,7 +16,7 @@ pub use outcome::{Band, Design, DesignError, Shaping, StudyError};
 pub use reach::Effort;
 pub use study::Study;
 
-use cache::{Key, Outcome};
+use cache::{Key, SearchOutcome};
 
 use crate::control::Shape;
 use crate::machine::{Machine, MachineError};
@@ -57,22 +57,22 @@ impl Search<'_> {
         };
         let key = Key::new(machine, self.effort);
         match cache.read(&key) {
-            Some(Outcome::Found(shaping)) => {
+            Some(SearchOutcome::Found(shaping)) => {
                 if let Ok(design) = reach::verify(study, self.effort, &shaping) {
                     return Ok(design);
                 }
             }
-            Some(Outcome::Unreachable { reason, advice }) => {
+            Some(SearchOutcome::Unreachable { reason, advice }) => {
                 return Err(reach::unreachable(&machine.target, reason, advice));
             }
             None => {}
         }
         let result = reach::search(study, self.effort, self.progress);
         match &result {
-            Ok(design) => cache.write(&key, Outcome::Found(design.shaping.clone())),
+            Ok(design) => cache.write(&key, SearchOutcome::Found(design.shaping.clone())),
             Err(DesignError::Unreachable { reason, advice, .. }) => {
                 let (reason, advice) = (reason.clone(), *advice);
-                cache.write(&key, Outcome::Unreachable { reason, advice });
+                cache.write(&key, SearchOutcome::Unreachable { reason, advice });
             }
             Err(_) => {}
         }

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::analysis::digest;
 use crate::design::Study;
-use crate::simulate::faults::Outcome;
+use crate::simulate::faults::DefectOutcome;
 
 /// `host-gen campaign`.
 #[derive(Debug, Serialize)]
@@ -14,12 +14,12 @@ pub struct CampaignSummary {
     pub(crate) feedback: &'static str,
     /// From a fault to the safe codes, s.
     pub(crate) bound: f64,
-    pub(crate) outcomes: Vec<Outcome>,
+    pub(crate) outcomes: Vec<DefectOutcome>,
 }
 
 impl CampaignSummary {
     /// Of a study.
-    pub fn new(study: &Study, outcomes: Vec<Outcome>) -> Self {
+    pub fn new(study: &Study, outcomes: Vec<DefectOutcome>) -> Self {
         Self {
             machine: study.machine().name.clone(),
             model_sha256: digest(study.machine()),

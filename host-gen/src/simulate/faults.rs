@@ -111,7 +111,7 @@ impl Defect {
 
 /// What became of one or more defects.
 #[derive(Clone, Debug, Serialize)]
-pub struct Outcome {
+pub struct DefectOutcome {
     /// What was wrong.
     pub defects: Vec<Defect>,
     /// What the self-test says of it, before the loop is closed; none if it
@@ -143,7 +143,7 @@ pub fn campaign(
     table: &ValidTable,
     cases: &[Vec<Defect>],
     progress: &dyn Progress,
-) -> Vec<Outcome> {
+) -> Vec<DefectOutcome> {
     cases
         .par_iter()
         .map(|defects| {
@@ -332,7 +332,7 @@ impl BrokenLoop {
         }
     }
 
-    fn outcome(mut self, study: &Study, table: &ValidTable) -> Outcome {
+    fn outcome(mut self, study: &Study, table: &ValidTable) -> DefectOutcome {
         let defects = self.broken.defects.clone();
         // The self-test of a machine that is broken from the start.
         let mut first = Self::new(study, table, &defects);
@@ -391,7 +391,7 @@ impl BrokenLoop {
             (Some(_), Some(time)) => quiet && time <= bound + 1e-9,
             (Some(_), None) => false,
         };
-        Outcome {
+        DefectOutcome {
             defects,
             self_test,
             closed,
