@@ -34,9 +34,9 @@ const SPLITS: [f64; 5] = [5.0, 30.0, 120.0, 500.0, 2000.0];
 const SLOWER: f64 = 0.8;
 
 /// A shape as lattice numbers: hz or damping = exp(LATTICE·n).
-type Place = [i32; NUMBERS];
+type LatticePoint = [i32; NUMBERS];
 
-fn shape(place: &Place, both: bool) -> Shape {
+fn shape(place: &LatticePoint, both: bool) -> Shape {
     let [lag, second, zero, a, b, c, d, split] = place.map(|n| (LATTICE * f64::from(n)).exp());
     Shape {
         lags_hz: [lag, second],
@@ -92,7 +92,7 @@ impl<'a> PatternSearch<'a> {
         self.objective.both()
     }
 
-    fn shapes(&self, places: &[Place]) -> [Shape; LEGS] {
+    fn shapes(&self, places: &[LatticePoint]) -> [Shape; LEGS] {
         let both = self.both();
         let mut shapes = [shape(&places[0], both); LEGS];
         for (group, place) in self.groups.iter().zip(places) {
@@ -101,12 +101,12 @@ impl<'a> PatternSearch<'a> {
         shapes
     }
 
-    fn level(&self, places: &[Place]) -> Option<f64> {
+    fn level(&self, places: &[LatticePoint]) -> Option<f64> {
         self.objective.level(&self.shapes(places))
     }
 
     /// Goes to `to` if that is better; equal to rounding is not.
-    fn go(&self, places: &mut Vec<Place>, to: Vec<Place>, best: &mut f64) -> bool {
+    fn go(&self, places: &mut Vec<LatticePoint>, to: Vec<LatticePoint>, best: &mut f64) -> bool {
         if !to.iter().all(|place| self.allowed(place)) {
             return false;
         }
@@ -154,7 +154,7 @@ impl<'a> PatternSearch<'a> {
     }
 
     /// Coarse, one mode after the other.
-    fn scan(&self, places: &mut Vec<Place>, best: &mut f64, progress: &impl Fn() -> bool) {
+    fn scan(&self, places: &mut Vec<LatticePoint>, best: &mut f64, progress: &impl Fn() -> bool) {
         for group in 0..places.len() {
             for mut place in self.coarse(group) {
                 place[SPLIT] = places[group][SPLIT];
@@ -168,8 +168,8 @@ impl<'a> PatternSearch<'a> {
 
     /// The best of the loops that are alike in all modes: with a slope of −2
     /// below the crossover, or with one lag for each mode or for all.
-    fn start(&self) -> Option<(Vec<Place>, f64)> {
-        let all = |place: &dyn Fn(usize) -> Place| -> Vec<Place> {
+    fn start(&self) -> Option<(Vec<LatticePoint>, f64)> {
+        let all = |place: &dyn Fn(usize) -> LatticePoint| -> Vec<LatticePoint> {
             (0..self.groups.len()).map(place).collect()
         };
         let splits = if self.both() {
@@ -213,7 +213,7 @@ impl<'a> PatternSearch<'a> {
         1.0 / (TAU * self.machine.board.whole_delay())
     }
 
-    fn coarse(&self, group: usize) -> Vec<Place> {
+    fn coarse(&self, group: usize) -> Vec<LatticePoint> {
         let mut all = Vec::new();
         for n in 0..16 {
             let crossover = self.fastest() * SLOWER.powi(n);
@@ -228,13 +228,13 @@ impl<'a> PatternSearch<'a> {
 
     /// Two lags `split` times below and above their mean, a zero `apart` times
     /// below the crossover, Hz.
-    fn lags(&self, group: usize, crossover: f64, apart: f64, split: f64) -> Place {
+    fn lags(&self, group: usize, crossover: f64, apart: f64, split: f64) -> LatticePoint {
         let lag = crossover / (apart.sqrt() * self.root(group));
         self.place([lag * split, lag / split], crossover / apart)
     }
 
     /// Lags and a zero, Hz, and a second section that does nothing.
-    fn place(&self, lags: [f64; 2], zero: f64) -> Place {
+    fn place(&self, lags: [f64; 2], zero: f64) -> LatticePoint {
         let [a, b] = lags.map(nearest);
         let neutral = nearest(self.neutral());
         [a, b, nearest(zero), neutral, 0, neutral, 0, 0]
@@ -248,13 +248,13 @@ impl<'a> PatternSearch<'a> {
     /// Moves of `step` in one number or two, group by group, until none helps.
     fn settle(
         &self,
-        places: &mut Vec<Place>,
+        places: &mut Vec<LatticePoint>,
         best: &mut f64,
         numbers: &[usize],
         step: i32,
         progress: &impl Fn() -> bool,
     ) {
-        let mut moves: Vec<Place> = Vec::new();
+        let mut moves: Vec<LatticePoint> = Vec::new();
         for (k, &i) in numbers.iter().enumerate() {
             for a in [-1, 1] {
                 let mut one = [0; NUMBERS];
@@ -304,7 +304,7 @@ impl<'a> PatternSearch<'a> {
     }
 
     /// Corners that the board's sections can have.
-    fn allowed(&self, place: &Place) -> bool {
+    fn allowed(&self, place: &LatticePoint) -> bool {
         let shape = shape(place, self.both());
         let highest = 0.4 * self.machine.board.sample_rate;
         let lowest = 1e-3 * self.target.frequency;
