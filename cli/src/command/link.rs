@@ -78,7 +78,7 @@ enum Action {
     /// Pushes the legs.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 inject --signal sine --leg 1 --amplitude 2 --hz 50 --samples 20000
-    Inject(Inject),
+    Inject(InjectArguments),
     /// Records samples at full rate, as CSV on standard output.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 record --after 2000 > record.csv
@@ -106,19 +106,19 @@ enum Action {
     /// through power failure and runs it, untested. Only while the legs are at rest.
     ///
     /// Example: host-gen link --at /dev/ttyACM0 table models/yours.toml
-    Table(TableArguments),
+    Table(SendTableArguments),
     /// Measures the plant in place, and with the loop closed its sensitivity, and
     /// lays them over the model's.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 frf models/yours.toml
-    Frf(Frf),
+    Frf(FrfArguments),
 }
 
 #[derive(Args)]
-struct Inject {
+struct InjectArguments {
     /// The signal.
     #[arg(long, value_enum)]
-    signal: Kind,
+    signal: SignalKind,
     /// Leg, 1 to 6.
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=6))]
     leg: u8,
@@ -143,7 +143,7 @@ struct Inject {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Kind {
+enum SignalKind {
     Sine,
     Sweep,
     Multisine,
@@ -153,8 +153,8 @@ enum Kind {
 #[derive(Args)]
 struct RecordArguments {
     /// When.
-    #[arg(long, value_enum, default_value_t = When::Now)]
-    trigger: When,
+    #[arg(long, value_enum, default_value_t = TriggerKind::Now)]
+    trigger: TriggerKind,
     /// Sensor, 1 to 6, or force sensor beside them, 7 to 12, whose rise is the
     /// trigger.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=12))]
@@ -171,7 +171,7 @@ struct RecordArguments {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum When {
+enum TriggerKind {
     Now,
     Fault,
     Injection,
@@ -179,7 +179,7 @@ enum When {
 }
 
 #[derive(Args)]
-struct TableArguments {
+struct SendTableArguments {
     /// Machine file.
     #[arg(required_unless_present = "forget")]
     model: Option<PathBuf>,
@@ -189,7 +189,7 @@ struct TableArguments {
 }
 
 #[derive(Args)]
-struct Frf {
+struct FrfArguments {
     /// Machine file that the board's table was made from.
     model: PathBuf,
     /// Of each sine, N.
@@ -211,7 +211,7 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
     let format = arguments.format;
     match &arguments.action {
         Action::Status => status(&mut client, format),
-        Action::Identity => print::result(format, &Runs(client.identity()?)),
+        Action::Identity => print::result(format, &IdentityView(client.identity()?)),
         Action::SelfTest => {
             client.command(Request::SelfTest)?;
             client.wait_for(|report| report.mode != Mode::Testing)?;
@@ -245,10 +245,10 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
         }
         Action::Record(record) => {
             let trigger = match record.trigger {
-                When::Now => Trigger::Now,
-                When::Fault => Trigger::Fault,
-                When::Injection => Trigger::Injection,
-                When::Rise => Trigger::Rise {
+                TriggerKind::Now => Trigger::Now,
+                TriggerKind::Fault => Trigger::Fault,
+                TriggerKind::Injection => Trigger::Injection,
+                TriggerKind::Rise => Trigger::Rise {
                     sensor: record.sensor - 1,
                     level: AdcCode(record.level),
                 },
@@ -267,7 +267,7 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
             csv(&records)
         }
         Action::Telemetry { every, count } => telemetry(&mut client, *every, *count),
-        Action::Health => print::result(format, &Does(client.health()?)),
+        Action::Health => print::result(format, &HealthView(client.health()?)),
         Action::Table(table) => {
             match &table.model {
                 Some(model) => {
@@ -276,23 +276,23 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
                 }
                 None => client.command(Request::Forget)?,
             }
-            print::result(format, &Runs(client.identity()?))
+            print::result(format, &IdentityView(client.identity()?))
         }
         Action::Frf(arguments) => measured(&mut client, arguments, format, searcher),
     }
 }
 
-fn injection(inject: &Inject) -> Injection {
+fn injection(inject: &InjectArguments) -> Injection {
     let mut legs = [0.0; LEGS];
     legs[usize::from(inject.leg) - 1] = inject.amplitude;
     let signal = match inject.signal {
-        Kind::Sine => Signal::Sine { hz: inject.hz },
-        Kind::Sweep => Signal::Sweep {
+        SignalKind::Sine => Signal::Sine { hz: inject.hz },
+        SignalKind::Sweep => Signal::Sweep {
             from: inject.hz,
             to: inject.to,
         },
-        Kind::Multisine => multisine(inject.period),
-        Kind::Noise => Signal::Noise { seed: inject.seed },
+        SignalKind::Multisine => multisine(inject.period),
+        SignalKind::Noise => Signal::Noise { seed: inject.seed },
     };
     Injection {
         signal,
@@ -306,7 +306,7 @@ fn injection(inject: &Inject) -> Injection {
 fn status(client: &mut Client, format: Format) -> Result<(), Failure> {
     let report = client.report()?;
     let rate = f64::from(client.identity()?.sample_rate);
-    print::result(format, &Standing { report, rate })?;
+    print::result(format, &StatusView { report, rate })?;
     match report.fault {
         Some(fault) => Err(Failure::Fault(cause(fault.cause))),
         None => Ok(()),
@@ -314,14 +314,14 @@ fn status(client: &mut Client, format: Format) -> Result<(), Failure> {
 }
 
 #[derive(Serialize)]
-struct Standing {
+struct StatusView {
     #[serde(flatten)]
     report: ControllerReport,
     #[serde(skip)]
     rate: f64,
 }
 
-impl Display for Standing {
+impl Display for StatusView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let report = &self.report;
         let seconds = |samples: u64| samples as f64 / self.rate;
@@ -365,9 +365,9 @@ impl Display for Standing {
 }
 
 #[derive(Serialize)]
-struct Runs(Identity);
+struct IdentityView(Identity);
 
-impl Display for Runs {
+impl Display for IdentityView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let identity = &self.0;
         write!(
@@ -388,9 +388,9 @@ impl Display for Runs {
 }
 
 #[derive(Serialize)]
-struct Does(Health);
+struct HealthView(Health);
 
-impl Display for Does {
+impl Display for HealthView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let health = &self.0;
         let restart = match health.restart {
@@ -481,13 +481,13 @@ fn row<const N: usize, T: Into<String>>(
 }
 
 #[derive(Serialize)]
-struct Measured {
+struct FrfView {
     lines: Vec<MeasuredLine>,
 }
 
 fn measured(
     client: &mut Client,
-    arguments: &Frf,
+    arguments: &FrfArguments,
     format: Format,
     searcher: &Searcher,
 ) -> Result<(), Failure> {
@@ -509,10 +509,10 @@ fn measured(
         FrfError::Link(error) => Failure::Link(error),
         error => Failure::Frf(error),
     })?;
-    print::result(format, &Measured { lines })
+    print::result(format, &FrfView { lines })
 }
 
-impl Display for Measured {
+impl Display for FrfView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let closed = self.lines.iter().any(|line| line.sensitivity.is_some());
         writeln!(

@@ -39,14 +39,14 @@ pub fn generate(arguments: &TableArguments, searcher: &Searcher) -> Result<(), F
 
 /// What `check` found.
 #[derive(Serialize)]
-struct Checked {
+struct CheckView {
     table: String,
     up_to_date: bool,
     /// The first line that differs, or nothing.
     difference: Option<String>,
 }
 
-impl Display for Checked {
+impl Display for CheckView {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         writeln!(f, "{} is what the machine file gives", self.table)
     }
@@ -63,7 +63,7 @@ pub fn check(arguments: &TableArguments, searcher: &Searcher) -> Result<(), Fail
         error,
     })?;
     let difference = difference(&found, &emit(study.machine(), &design.table));
-    let report = Checked {
+    let report = CheckView {
         table: path.display().to_string(),
         up_to_date: difference.is_none(),
         difference: difference.clone(),

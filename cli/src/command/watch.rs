@@ -114,16 +114,16 @@ enum Pending {
     /// It begins then.
     Due(Instant),
     /// It is being made.
-    Running(Running),
+    RunningReport(RunningReport),
 }
 
 /// Another process, which can be stopped, and what it writes.
-struct Running {
+struct RunningReport {
     process: Child,
     json: File,
 }
 
-impl Drop for Running {
+impl Drop for RunningReport {
     fn drop(&mut self) {
         // It may be at its end already.
         self.process.kill().unwrap_or_default();
@@ -181,7 +181,7 @@ impl Follower<'_> {
     fn look(&mut self) -> Result<(), Failure> {
         match &mut self.pending {
             Pending::Due(then) if *then <= Instant::now() => self.begin(),
-            Pending::Running(running) => match running.process.try_wait() {
+            Pending::RunningReport(running) => match running.process.try_wait() {
                 Ok(None) => Ok(()),
                 Ok(Some(status)) if status.success() => {
                     let mut json = String::new();
@@ -216,9 +216,9 @@ impl Follower<'_> {
                 .stdin(Stdio::null())
                 .stdout(json.try_clone()?)
                 .spawn()?;
-            Ok(Running { process, json })
+            Ok(RunningReport { process, json })
         };
-        self.pending = Pending::Running(begun().map_err(|error| self.io(error))?);
+        self.pending = Pending::RunningReport(begun().map_err(|error| self.io(error))?);
         Ok(())
     }
 

@@ -122,7 +122,13 @@ impl FloorSide {
 impl FloorAnalysis {
     /// Of a study on the floor `name`: without control and with it, from `band`'s
     /// one end to the other.
-    pub fn new(study: &Study, name: String, band: [f64; 2], open: NoiseBudget, closed: NoiseBudget) -> Self {
+    pub fn new(
+        study: &Study,
+        name: String,
+        band: [f64; 2],
+        open: NoiseBudget,
+        closed: NoiseBudget,
+    ) -> Self {
         Self {
             machine: study.machine().name.clone(),
             model_sha256: digest(study.machine()),
