@@ -25,7 +25,7 @@ pub enum Failure {
     #[error("there is no folder {0} here; run from the project's root or give --table PATH")]
     NoTables(String),
     #[error(
-        "{path}:{line}: a line is a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, not negative"
+        "{path}:{line}: expected a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, at least 0"
     )]
     Spectrum { path: String, line: usize },
     #[error(transparent)]

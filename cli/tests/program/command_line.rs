@@ -110,7 +110,7 @@ fn an_unreachable_target_writes_nothing() {
     assert!(output.stdout.is_empty());
     let error = text(&output.stderr);
     assert!(
-        error.starts_with("error: slow.toml: ") && error.contains("Nearest that can"),
+        error.starts_with("error: slow.toml: ") && error.contains("The nearest frequency found"),
         "{error}"
     );
     assert_eq!(
@@ -282,7 +282,7 @@ fn analysis_commands() {
     run(&["floor", &model, "--spectrum", "s.txt"]);
     fs::write(folder.path().join("s.txt"), "1 1e-5\n0.5 1e-4\n").unwrap();
     let bad = host_gen(&["floor", &model, "--spectrum", "s.txt"], folder.path());
-    assert!(text(&bad.stderr).contains("s.txt:2: a line is a frequency"));
+    assert!(text(&bad.stderr).contains("s.txt:2: expected a frequency"));
     let robust = run(&["robust", &model, "--samples", "4", "--seed", "9"]);
     assert_eq!(
         (&robust["samples"], &robust["stable"]),

@@ -38,7 +38,7 @@ fn colour(feedback: Feedback) -> Colour {
     }
 }
 
-/// A line straight across.
+/// A horizontal line.
 fn limit(name: impl Into<String>, from: f64, to: f64, y: f64) -> Series {
     Series::line(name, Colour::Limit, [(from, y), (to, y)]).styled(Style::Limit)
 }
@@ -70,7 +70,7 @@ pub fn sigma(sigma: &SigmaAnalysis, own: Feedback) -> Chart {
     )
 }
 
-/// How the machine as a whole follows the floor.
+/// Transmissibility from the floor to the machine as a whole.
 ///
 /// # Errors
 /// Where an eigenvalue iteration does not converge.
@@ -164,7 +164,7 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
         ),
     ];
     let mut nyquist = by_mode(&|_, l| (l.re, l.im));
-    // Round −1: where the sensitivity of one mode is at its bound.
+    // Around −1: on this circle the sensitivity of one mode is at its bound.
     let radius = 1.0 / target.max_sensitivity;
     let circle = (0..=72).map(|i| {
         let (sin, cos) = (f64::from(i) * core::f64::consts::TAU / 72.0).sin_cos();
@@ -247,8 +247,8 @@ pub fn frequencies(studies: &[DesignedStudy]) -> Result<Chart, NumericError> {
             series.push(points_of(what.clone(), colour(feedback), points, labels));
             names.push(what);
         };
-        // With both kinds each has its own zeros, and the ideal loop is the
-        // accelerations'.
+        // With both kinds of feedback, each kind has its own zeros, and the ideal loop is
+        // that of acceleration feedback.
         if feedback != Feedback::Both {
             let zeros = transmission_zeros(space, feedback)?;
             add(format!("{name}: zeros"), zeros);

@@ -137,9 +137,9 @@ fn history_ends_as_the_simulation_does() {
     assert_eq!(
         modes,
         [
-            "legs at rest",
+            "not tested",
             "self-test",
-            "tested",
+            "idle",
             "soft start",
             "loop closed"
         ]
@@ -325,7 +325,7 @@ fn warnings_and_what_is_missing() {
     let report = Report::new(&machine.unwrap(), Criterion::VcC, &|| {}).unwrap();
     let json = value(&Review::new(vec![report]).unwrap());
     let reason = json["machines"][0]["missing"].as_str().unwrap();
-    assert!(reason.contains("cannot be reached"), "{reason}");
+    assert!(reason.contains("no controller was found that reaches"), "{reason}");
 }
 
 /// The drawing of a mode moves nodes along the model's shape: in the plane of the
