@@ -348,12 +348,18 @@ fn new_writes_a_machine_once() {
 
     let again = new(&["scanner", "--yes"]);
     assert!(!again.status.success());
-    assert!(text(&again.stderr).contains("scanner.toml exists already"));
+    assert!(text(&again.stderr).contains("scanner.toml already exists"));
     assert_eq!(fs::read_to_string(&path).unwrap(), first);
     for (arguments, says) in [
-        (["four", "--mounts", "4"], "3 mounts of two, or 6"),
+        (
+            ["four", "--mounts", "4"],
+            "3 mounts with two legs each, or 6",
+        ),
         (["light", "--frame-mass", "-1"], "--frame-mass must be"),
-        (["upright", "--leg-angle", "90"], "upright legs do not hold"),
+        (
+            ["upright", "--leg-angle", "90"],
+            "vertical legs do not hold",
+        ),
         (["Caps", "--radius", "1"], "lower-case letters"),
     ] {
         let refused = new(&arguments);

@@ -325,7 +325,10 @@ fn warnings_and_what_is_missing() {
     let report = Report::new(&machine.unwrap(), Criterion::VcC, &|| {}).unwrap();
     let json = value(&Review::new(vec![report]).unwrap());
     let reason = json["machines"][0]["missing"].as_str().unwrap();
-    assert!(reason.contains("no controller was found that reaches"), "{reason}");
+    assert!(
+        reason.contains("no controller was found that reaches"),
+        "{reason}"
+    );
 }
 
 /// The drawing of a mode moves nodes along the model's shape: in the plane of the
