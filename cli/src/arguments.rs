@@ -13,7 +13,7 @@ use crate::failure::Failure;
 pub struct Common {
     /// Machine file, see docs/machine-file.md.
     pub model: PathBuf,
-    /// What to print: text for people, JSON (docs/json.md) for programs.
+    /// Output format: text, or JSON as in docs/json.md.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub format: Format,
 }
@@ -24,14 +24,13 @@ pub enum Format {
     Json,
 }
 
-/// The machines that a command is about.
+/// The machine files of a command.
 #[derive(Args)]
 pub struct Several {
     /// Machine files.
     #[arg(required = true)]
     pub models: Vec<PathBuf>,
-    /// Each machine once with accelerations fed back, once with forces, and once
-    /// with both.
+    /// Use each machine with acceleration feedback, with force feedback and with both.
     #[arg(long)]
     pub by_feedback: bool,
 }
@@ -48,12 +47,12 @@ impl Several {
     }
 }
 
-/// A criterion by its name in lower case.
+/// Parses a criterion from its name in lower case.
 pub fn criterion() -> impl TypedValueParser<Value = Criterion> {
     PossibleValuesParser::new(Criterion::ALL.map(Criterion::key)).try_map(|key| key.parse())
 }
 
-/// A band of frequencies, Hz.
+/// Checks a band of frequencies, Hz.
 pub fn band(from: f64, to: f64) -> Result<[f64; 2], Failure> {
     if !(from.is_finite() && from > 0.0) {
         return Err(Failure::Option("from"));

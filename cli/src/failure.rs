@@ -1,4 +1,4 @@
-//! Why a command comes to nothing, and how that is said.
+//! Errors of commands, and their messages.
 
 use std::io;
 use std::path::Path;
@@ -9,7 +9,7 @@ use host_gen::design::{DesignError, StudyError};
 use host_gen::machine::MachineError;
 use host_gen::report::plots::PlotError;
 
-/// Why a command fails.
+/// The error of a command.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     #[error(transparent)]
@@ -22,17 +22,19 @@ pub enum Failure {
         what: &'static str,
         error: io::Error,
     },
-    #[error("there is no folder {0} here; run from the project's root or give --table PATH")]
+    #[error(
+        "there is no folder {0} here; run the command in the project's root folder, or use --table PATH"
+    )]
     NoTables(String),
     #[error(
-        "{path}:{line}: a line is a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, not negative"
+        "{path}:{line}: expected a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, at least 0"
     )]
     Spectrum { path: String, line: usize },
     #[error(transparent)]
     Link(#[from] LinkError),
     #[error(transparent)]
     Frf(FrfError),
-    #[error("outputs left their limits, or the legs came to rest too late: see the table")]
+    #[error("outputs exceeded their limits, or the legs came to rest too late: see the table")]
     Unsafe,
     #[error("a fault is latched: {0}")]
     Fault(String),
@@ -40,15 +42,19 @@ pub enum Failure {
     Plot(#[from] PlotError),
     #[error("--{flag} must be finite and at least {least}")]
     Least { flag: &'static str, least: f64 },
-    #[error("--leg-angle must be at most 89: upright legs do not hold the machine sideways")]
+    #[error("--leg-angle must be at most 89: vertical legs do not hold the machine sideways")]
     Upright,
-    #[error("{0} exists already: give --output, or another name")]
+    #[error("{0} already exists: use --output or another name")]
     Exists(String),
     #[error("--to must be finite and above --from")]
     Range,
+    #[error("--period must be a power of two and at least {0}")]
+    Period(u32),
     #[error("--{0} must be positive and finite")]
     Option(&'static str),
-    #[error("{table} is not what {model} gives: {difference}. Run host-gen generate {model}")]
+    #[error(
+        "{table} differs from the table of {model}: {difference}. Run host-gen generate {model}"
+    )]
     Stale {
         table: String,
         model: String,
@@ -56,7 +62,7 @@ pub enum Failure {
     },
 }
 
-/// Says which file a loop's failure is about.
+/// Adds the machine file to the error of a design.
 pub fn in_loop<E: Into<DesignError>>(model: &Path) -> impl Fn(E) -> Failure {
     let file = model.display().to_string();
     move |error| Failure::Design {
@@ -65,7 +71,8 @@ pub fn in_loop<E: Into<DesignError>>(model: &Path) -> impl Fn(E) -> Failure {
     }
 }
 
-/// The same for what may fail by the machine too, which says its file itself.
+/// Adds the machine file to the error of a design; an error of the machine already names
+/// its file.
 pub fn in_study(model: &Path) -> impl Fn(StudyError) -> Failure {
     let in_loop = in_loop(model);
     move |error| match error {

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use crate::failure::Failure;
 
-/// Writes beside the target and renames, so that there is never half a file.
+/// Writes a temporary file in the same folder and renames it, so that there is never an
+/// incomplete file.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let failed = |error| Failure::Io {
         path: path.display().to_string(),
@@ -17,7 +18,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         _ => Path::new("."),
     };
     let mut file = tempfile::Builder::new();
-    // As a new file gets, not as a secret one.
+    // The permissions of an ordinary new file, not of a temporary one.
     #[cfg(unix)]
     file.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
     let mut file = file.tempfile_in(folder).map_err(failed)?;

@@ -35,109 +35,112 @@ use command::watch::WatchArguments;
 use failure::Failure;
 use search::Searcher;
 
-/// From a machine's geometry to a controller table that is proven on the
-/// sampled, delayed loop.
+/// From a machine's geometry to a controller table, verified in simulation for the
+/// sampled, delayed board.
 #[derive(Parser)]
 #[command(version, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Search again: neither use nor keep results of searches.
+    /// Neither use nor store results of earlier searches.
     #[arg(long, global = true)]
     no_cache: bool,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    /// Writes a machine file from a few questions, or from flags.
+    /// Write a machine file from a few questions, or from options.
     ///
     /// Example: host-gen new scanner --frame-mass 300 --payload-mass 120 --yes
     New(NewArguments),
-    /// The JSON Schema of machine files, for editors.
+    /// Print the JSON Schema of machine files, for editors.
     ///
     /// Example: host-gen schema > machine.schema.json
     Schema,
-    /// What a shell needs to complete commands and options.
+    /// Print the script with which a shell completes commands and options.
     ///
     /// Example: host-gen completions bash > ~/.local/share/bash-completion/completions/host-gen
     Completions {
-        /// Which.
+        /// Shell to generate for.
         shell: Shell,
     },
-    /// Natural frequencies and mode shapes, and M_d, D_d, K_d, M_r, B_0.
+    /// Show natural frequencies, mode shapes, and the matrices M_d, D_d, K_d, M_r, B_0.
     ///
     /// Example: host-gen modes models/metrology-frame.toml
     Modes(Common),
-    /// The ideal gains with T_c, the modal matrix S and the ideal poles.
+    /// Show the ideal gains, with T_c, the modal matrix S and the ideal poles.
     ///
     /// Example: host-gen gains models/metrology-frame.toml --format json
     Gains(Common),
-    /// Transmission zeros of G22 for both kinds of feedback.
+    /// Show the transmission zeros of G22 for both kinds of feedback.
     ///
     /// Example: host-gen zeros models/low-parasitic.toml
     Zeros(Common),
-    /// Poles open, under the ideal law, and of the sampled loop.
+    /// Show the poles without control, with the ideal law, and of the sampled loop.
     ///
     /// Example: host-gen poles models/metrology-frame.toml
     Poles(Common),
-    /// The largest singular value of G11, open and closed, ideal and sampled,
-    /// both kinds of feedback (Fig. 5).
+    /// Show the largest singular value of G11: without control, and with the ideal and
+    /// the sampled law for each kind of feedback (Fig. 5).
     ///
     /// Example: host-gen sigma models/metrology-frame.toml --from 0.1 --to 300
     Sigma(SigmaArguments),
-    /// The controller on machines drawn about the file's: payload, legs.
+    /// Evaluate the controller on randomly perturbed machines: payload and legs vary.
     ///
     /// Example: host-gen robust models/metrology-frame.toml --samples 1000
     Robust(RobustArguments),
-    /// Spectra on a floor, where they come from, and the criterion met.
+    /// Show the motion on a given floor, its sources, and the vibration criterion met.
     ///
     /// Example: host-gen floor models/metrology-frame.toml --criterion vc-c
     Floor(FloorArguments),
-    /// The generalised plant G (Fig. 4) as matrices for other programs.
+    /// Show the generalised plant G (Fig. 4), or write its matrices for other programs.
     ///
     /// Example: host-gen plant models/metrology-frame.toml --matrix-market out
     Plant(PlantArguments),
-    /// Machines side by side.
+    /// Compare machines side by side.
     ///
     /// Example: host-gen compare models/low-parasitic.toml --by-feedback
     Compare(CompareArguments),
-    /// The controller for the sampled board beside the ideal one: shapes,
-    /// isolation by mode, margins, delay, what another board would give.
+    /// Design the controller for the sampled board: shapes, isolation by mode, margins,
+    /// delay; with --chart also for other boards.
     ///
     /// Example: host-gen design models/metrology-frame.toml --chart
     Design(DesignArguments),
-    /// Everything: modes, gains, shaping, table, software in the loop.
+    /// Design the controller and write its table for the firmware, with a summary of
+    /// modes, gains and simulation.
     ///
     /// Example: host-gen generate models/metrology-frame.toml
     Generate(TableArguments),
-    /// A page for a design review: the machine in 3D, its modes moving, all charts,
-    /// budgets, gains, assumptions. Of several machines also what differs.
+    /// Write a page for a design review: the machine and its modes in 3D, charts,
+    /// budgets, gains, assumptions. With several machines, also a comparison.
     ///
     /// Example: host-gen report models/metrology-frame.toml
     Report(ReportArguments),
-    /// The same page in a browser, up to date as the machine file is saved.
+    /// Show the page of `report` in a browser, and redraw it when the machine file
+    /// changes.
     ///
     /// Example: host-gen watch models/metrology-frame.toml
     Watch(WatchArguments),
-    /// Whether a table is what the machine file gives.
+    /// Check that a table of the firmware matches the machine file.
     ///
     /// Example: host-gen check models/metrology-frame.toml
     Check(TableArguments),
-    /// Open and closed loop in time, with converters, noise and the real step.
+    /// Simulate the open and the closed loop in time, with converters, noise and the step
+    /// of the firmware.
     ///
     /// Example: host-gen simulate models/metrology-frame.toml --duration 60
     Simulate(SimulateArguments),
-    /// Faults, one by one, in the simulated loop: what self-test and supervisor make
-    /// of each.
+    /// Simulate faults one by one, and show how self-test and supervisor react.
     ///
     /// Example: host-gen campaign models/metrology-frame.toml
     Campaign(CampaignArguments),
-    /// A board that is software: the machine simulated, the controller as a board
-    /// runs it, its link on TCP.
+    /// Run a board in software: the simulated machine, the controller of a board, and its
+    /// link on TCP.
     ///
     /// Example: host-gen sil models/metrology-frame.toml --listen 127.0.0.1:7700
     Sil(SilArguments),
-    /// Talks to a board: status, self-test, start, stop, inject, record, measure.
+    /// Talk to a board: status, self-test, start, stop, test signals, recordings,
+    /// measurements.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 status
     Link(LinkArguments),

@@ -1,4 +1,4 @@
-//! Results on standard output.
+//! Printing of results to standard output.
 
 use std::fmt::Display;
 use std::io::{self, Write as _};
@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::arguments::Format;
 use crate::failure::Failure;
 
-/// A result as text or as JSON.
+/// Prints a result as text or as JSON.
 pub fn result<T: Display + Serialize>(format: Format, result: &T) -> Result<(), Failure> {
     let text = match format {
         Format::Text => result.to_string(),
@@ -19,10 +19,10 @@ pub fn result<T: Display + Serialize>(format: Format, result: &T) -> Result<(), 
     self::text(&text)
 }
 
-/// Text, with colours on a terminal only.
+/// Prints text; colours only on a terminal.
 pub fn text(text: &str) -> Result<(), Failure> {
     match anstream::stdout().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough.
+        // The reader has closed the pipe: not an error.
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         Err(error) => Err(Failure::Io {
             path: "standard output".to_owned(),

@@ -10,16 +10,16 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::failure::{Failure, in_loop};
 
-/// A bar on standard error, and only where that is a terminal; gone when dropped.
+/// A progress bar on standard error, if that is a terminal. It is removed when dropped.
 pub struct Bar(ProgressBar);
 
 impl Bar {
-    /// For a known number of steps.
+    /// A bar for a known number of steps.
     pub fn of(steps: usize) -> Self {
         Self(ProgressBar::new(steps as u64))
     }
 
-    /// For a search.
+    /// A spinner for a search, whose number of trials is not known in advance.
     pub fn search() -> Self {
         let style = ProgressStyle::with_template(
             "{spinner} searching for the controller, {pos} trials, {elapsed}",
@@ -41,14 +41,14 @@ impl Drop for Bar {
     }
 }
 
-/// How commands search.
+/// The searches of the commands, with their cache.
 pub struct Searcher {
     cache: Option<Cache>,
 }
 
 impl Searcher {
-    /// One that keeps its results in the user's cache folder, or in the folder that the
-    /// environment's `HOST_GEN_CACHE` names; nowhere if not `keep`.
+    /// With `keep`, results are stored in the folder of the environment variable
+    /// `HOST_GEN_CACHE`, or else in the user's cache folder.
     pub fn new(keep: bool) -> Self {
         let folder = || match env::var_os("HOST_GEN_CACHE") {
             Some(folder) if !folder.is_empty() => Some(PathBuf::from(folder)),
@@ -59,7 +59,7 @@ impl Searcher {
         }
     }
 
-    /// Where results are kept, if they are.
+    /// The cache, if results are stored.
     pub fn cache(&self) -> Option<&Cache> {
         self.cache.as_ref()
     }

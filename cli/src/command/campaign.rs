@@ -13,7 +13,7 @@ use crate::search::{Bar, Searcher, study};
 pub struct CampaignArguments {
     #[command(flatten)]
     common: Common,
-    /// Every two faults at once instead, which takes some minutes.
+    /// Simulate every pair of faults at once; this takes some minutes.
     #[arg(long)]
     pairs: bool,
 }

@@ -13,7 +13,7 @@ use crate::search::{Bar, Searcher};
 pub struct CompareArguments {
     #[command(flatten)]
     several: Several,
-    /// What to print.
+    /// Output format: text, or JSON as in docs/json.md.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
 }

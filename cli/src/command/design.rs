@@ -12,7 +12,7 @@ use crate::search::{Bar, Searcher, study};
 pub struct DesignArguments {
     #[command(flatten)]
     common: Common,
-    /// Design for other sample rates and delays too: half a minute more.
+    /// Also design for other sample rates and delays; this takes half a minute more.
     #[arg(long)]
     chart: bool,
 }

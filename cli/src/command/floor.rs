@@ -30,14 +30,14 @@ pub struct FloorArguments {
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct FloorChoice {
-    /// A floor as strong as a vibration criterion allows.
+    /// Floor at the limit of this vibration criterion.
     #[arg(long, value_parser = criterion())]
     criterion: Option<Criterion>,
-    /// White acceleration of each input, m/s²/√Hz.
+    /// White acceleration of each floor input, m/s²/√Hz.
     #[arg(long)]
     white: Option<f64>,
-    /// A text file of frequency, Hz, and acceleration density, m/s²/√Hz, two
-    /// numbers a line, frequencies ascending; # begins a comment.
+    /// Text file with a floor spectrum. Each line has a frequency, Hz, ascending, and an
+    /// acceleration density, m/s²/√Hz; # starts a comment.
     #[arg(long)]
     spectrum: Option<PathBuf>,
 }
@@ -76,7 +76,7 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
     )
 }
 
-/// The spectrum in a file.
+/// Reads the spectrum in a file.
 fn read(path: &Path) -> Result<Floor, Failure> {
     let text = fs::read_to_string(path).map_err(|error| Failure::Io {
         path: path.display().to_string(),

@@ -23,10 +23,10 @@ use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct LinkArguments {
-    /// HOST:PORT, or the path of a serial port.
+    /// Address of the board: HOST:PORT, or the path of a serial port.
     #[arg(long)]
     at: Address,
-    /// What to print: text for people, JSON (docs/json.md) for programs.
+    /// Output format: text, or JSON as in docs/json.md.
     #[arg(long, value_enum, default_value_t = Format::Text, global = true)]
     format: Format,
     #[command(subcommand)]
@@ -35,115 +35,117 @@ pub struct LinkArguments {
 
 #[derive(Subcommand)]
 enum Action {
-    /// How things stand.
+    /// Show mode, gain, faults and counters.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 status
     Status,
-    /// Table and build.
+    /// Show which table the board runs.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 identity
     Identity,
-    /// Each leg pushes a little, every sensor is to answer as the model says; waits
-    /// for the end.
+    /// Test sensors and legs: each leg pushes a little, and every sensor must respond as
+    /// the model predicts. Waits for the end.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 self-test
     SelfTest,
-    /// Closes the loop, gently; waits until it is closed.
+    /// Close the loop with a soft start. Waits until it is closed.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 start
     Start {
-        /// Comes back at once.
+        /// Return at once.
         #[arg(long)]
         no_wait: bool,
     },
-    /// Opens the loop, gently, or ends a test or an injection; waits for it.
+    /// Open the loop with a soft stop, or end a self-test or a test signal. Waits for the
+    /// end.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 stop
     Stop {
-        /// Comes back at once.
+        /// Return at once.
         #[arg(long)]
         no_wait: bool,
     },
-    /// Forgets a latched fault.
+    /// Clear a latched fault.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 clear
     Clear,
-    /// Aims at a part of the law's force.
+    /// Set the loop gain, 0 to 1.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 gain 0.1
     Gain {
-        /// Above 0 and up to 1.
+        /// Loop gain: above 0 and at most 1.
         part: f32,
     },
-    /// Pushes the legs.
+    /// Add a test signal to a leg.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 inject --signal sine --leg 1 --amplitude 2 --hz 50 --samples 20000
-    Inject(Inject),
-    /// Records samples at full rate, as CSV on standard output.
+    Inject(InjectArguments),
+    /// Record samples at the full rate, as CSV on standard output.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 record --after 2000 > record.csv
     Record(RecordArguments),
-    /// The samples before the latched fault, as CSV on standard output.
+    /// Print the samples before the latched fault, as CSV on standard output.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 snapshot > fault.csv
     Snapshot,
-    /// One sample out of many, live, as CSV on standard output.
+    /// Print one of N samples, live, as CSV on standard output.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 telemetry --every 2000
     Telemetry {
-        /// Out of how many.
+        /// Send every Nth sample.
         #[arg(long, default_value_t = 200)]
         every: u32,
-        /// How many to print; without it, until stopped.
+        /// Number of samples to print [default: until the command is stopped].
         #[arg(long)]
         count: Option<u64>,
     },
-    /// How the board's processor does: load, longest run, jitter, stack, last restart.
+    /// Show the processor's load, longest step, jitter, unused stack and last restart.
     ///
     /// Example: host-gen link --at /dev/ttyACM0 health
     Health,
-    /// Sends the table that a machine file gives; the board checks it whole, keeps it
-    /// through power failure and runs it, untested. Only while the legs are at rest.
+    /// Send the table of a machine file to the board. The board validates it, stores it
+    /// permanently and runs it; a self-test is then needed again. Only while the legs are
+    /// at rest.
     ///
     /// Example: host-gen link --at /dev/ttyACM0 table models/yours.toml
-    Table(TableArguments),
-    /// Measures the plant in place, and with the loop closed its sensitivity, and
-    /// lays them over the model's.
+    Table(SendTableArguments),
+    /// Measure the plant on the machine, and with the loop closed also the sensitivity,
+    /// and compare them with the model.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 frf models/yours.toml
-    Frf(Frf),
+    Frf(FrfArguments),
 }
 
 #[derive(Args)]
-struct Inject {
-    /// The signal.
+struct InjectArguments {
+    /// Type of the test signal.
     #[arg(long, value_enum)]
-    signal: Kind,
+    signal: SignalKind,
     /// Leg, 1 to 6.
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=6))]
     leg: u8,
-    /// Its size, N; of a multisine, that of each sine.
+    /// Amplitude of the test signal, N; of a multisine, the amplitude of each sine.
     #[arg(long)]
     amplitude: f32,
-    /// How long, samples.
+    /// Length of the test signal, samples.
     #[arg(long)]
     samples: u32,
-    /// Of a sine, and where a sweep begins, Hz.
+    /// Frequency of a sine, or start of a sweep, Hz.
     #[arg(long, default_value_t = 50.0)]
     hz: f32,
-    /// Where a sweep ends, Hz.
+    /// End of a sweep, Hz.
     #[arg(long, default_value_t = 200.0)]
     to: f32,
-    /// Of a multisine: samples after which it repeats.
+    /// Period of a multisine, samples.
     #[arg(long, default_value_t = 8192)]
     period: u32,
-    /// Of noise.
+    /// Seed of noise.
     #[arg(long, default_value_t = 1)]
     seed: u32,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Kind {
+enum SignalKind {
     Sine,
     Sweep,
     Multisine,
@@ -152,26 +154,25 @@ enum Kind {
 
 #[derive(Args)]
 struct RecordArguments {
-    /// When.
-    #[arg(long, value_enum, default_value_t = When::Now)]
-    trigger: When,
-    /// Sensor, 1 to 6, or force sensor beside them, 7 to 12, whose rise is the
-    /// trigger.
+    /// Event that starts the recording.
+    #[arg(long, value_enum, default_value_t = TriggerKind::Now)]
+    trigger: TriggerKind,
+    /// Sensor for the trigger `rise`: 1 to 6, or 7 to 12 for the second kind of sensors.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=12))]
     sensor: u8,
-    /// Code that it rises past.
+    /// ADC code that the sensor must exceed for the trigger `rise`.
     #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
     level: i16,
-    /// Samples from before the trigger.
+    /// Number of samples from before the trigger.
     #[arg(long, default_value_t = 0)]
     before: u32,
-    /// Samples from the trigger on.
+    /// Number of samples from the trigger on.
     #[arg(long, default_value_t = 1000)]
     after: u32,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum When {
+enum TriggerKind {
     Now,
     Fault,
     Injection,
@@ -179,29 +180,29 @@ enum When {
 }
 
 #[derive(Args)]
-struct TableArguments {
+struct SendTableArguments {
     /// Machine file.
     #[arg(required_unless_present = "forget")]
     model: Option<PathBuf>,
-    /// Goes back to the table compiled into the firmware.
+    /// Return to the table that is compiled into the firmware.
     #[arg(long, conflicts_with = "model")]
     forget: bool,
 }
 
 #[derive(Args)]
-struct Frf {
+struct FrfArguments {
     /// Machine file that the board's table was made from.
     model: PathBuf,
-    /// Of each sine, N.
+    /// Amplitude of each sine, N.
     #[arg(long, default_value_t = 1.0)]
     amplitude: f64,
-    /// Periods to average over.
+    /// Number of periods to average.
     #[arg(long, default_value_t = 8)]
     averages: u32,
-    /// Periods to wait first; the slowest swing must have died out.
+    /// Number of periods to wait first, until transients have died out.
     #[arg(long, default_value_t = 30)]
     settling: u32,
-    /// Samples in a period.
+    /// Samples in a period: a power of two, at least 512.
     #[arg(long, default_value_t = 8192)]
     period: u32,
 }
@@ -211,7 +212,7 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
     let format = arguments.format;
     match &arguments.action {
         Action::Status => status(&mut client, format),
-        Action::Identity => print::result(format, &Runs(client.identity()?)),
+        Action::Identity => print::result(format, &IdentityView(client.identity()?)),
         Action::SelfTest => {
             client.command(Request::SelfTest)?;
             client.wait_for(|report| report.mode != Mode::Testing)?;
@@ -245,10 +246,10 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
         }
         Action::Record(record) => {
             let trigger = match record.trigger {
-                When::Now => Trigger::Now,
-                When::Fault => Trigger::Fault,
-                When::Injection => Trigger::Injection,
-                When::Rise => Trigger::Rise {
+                TriggerKind::Now => Trigger::Now,
+                TriggerKind::Fault => Trigger::Fault,
+                TriggerKind::Injection => Trigger::Injection,
+                TriggerKind::Rise => Trigger::Rise {
                     sensor: record.sensor - 1,
                     level: AdcCode(record.level),
                 },
@@ -267,7 +268,7 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
             csv(&records)
         }
         Action::Telemetry { every, count } => telemetry(&mut client, *every, *count),
-        Action::Health => print::result(format, &Does(client.health()?)),
+        Action::Health => print::result(format, &HealthView(client.health()?)),
         Action::Table(table) => {
             match &table.model {
                 Some(model) => {
@@ -276,23 +277,23 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
                 }
                 None => client.command(Request::Forget)?,
             }
-            print::result(format, &Runs(client.identity()?))
+            print::result(format, &IdentityView(client.identity()?))
         }
         Action::Frf(arguments) => measured(&mut client, arguments, format, searcher),
     }
 }
 
-fn injection(inject: &Inject) -> Injection {
+fn injection(inject: &InjectArguments) -> Injection {
     let mut legs = [0.0; LEGS];
     legs[usize::from(inject.leg) - 1] = inject.amplitude;
     let signal = match inject.signal {
-        Kind::Sine => Signal::Sine { hz: inject.hz },
-        Kind::Sweep => Signal::Sweep {
+        SignalKind::Sine => Signal::Sine { hz: inject.hz },
+        SignalKind::Sweep => Signal::Sweep {
             from: inject.hz,
             to: inject.to,
         },
-        Kind::Multisine => multisine(inject.period),
-        Kind::Noise => Signal::Noise { seed: inject.seed },
+        SignalKind::Multisine => multisine(inject.period),
+        SignalKind::Noise => Signal::Noise { seed: inject.seed },
     };
     Injection {
         signal,
@@ -301,12 +302,11 @@ fn injection(inject: &Inject) -> Injection {
     }
 }
 
-/// How things stand, as printed. A latched fault is an error of the command, so
-/// that a script stops.
+/// Prints the status. A latched fault is an error of the command, so that a script stops.
 fn status(client: &mut Client, format: Format) -> Result<(), Failure> {
     let report = client.report()?;
     let rate = f64::from(client.identity()?.sample_rate);
-    print::result(format, &Standing { report, rate })?;
+    print::result(format, &StatusView { report, rate })?;
     match report.fault {
         Some(fault) => Err(Failure::Fault(cause(fault.cause))),
         None => Ok(()),
@@ -314,48 +314,48 @@ fn status(client: &mut Client, format: Format) -> Result<(), Failure> {
 }
 
 #[derive(Serialize)]
-struct Standing {
+struct StatusView {
     #[serde(flatten)]
     report: ControllerReport,
     #[serde(skip)]
     rate: f64,
 }
 
-impl Display for Standing {
+impl Display for StatusView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let report = &self.report;
         let seconds = |samples: u64| samples as f64 / self.rate;
         writeln!(
             f,
-            "{}, {:.3} s since power came",
+            "{}, {:.3} s since power-up",
             match report.mode {
                 Mode::Untested => "not tested",
-                Mode::Testing => "testing sensors and legs",
+                Mode::Testing => "self-test running",
                 Mode::Idle => "idle: tested, legs at rest",
-                Mode::Starting => "closing the loop",
+                Mode::Starting => "soft start: closing the loop",
                 Mode::Closed => "loop closed",
-                Mode::Stopping => "opening the loop",
-                Mode::Failing => "fault, legs going to rest",
-                Mode::Failed => "fault, legs at rest",
+                Mode::Stopping => "soft stop: opening the loop",
+                Mode::Failing => "fault: legs are brought to rest",
+                Mode::Failed => "fault: legs at rest",
             },
             seconds(report.at)
         )?;
         if let Some(LatchedFault { cause: why, at }) = report.fault {
             writeln!(f, "  fault at {:.4} s: {}", seconds(at), cause(why))?;
         }
-        writeln!(f, "  gain {} of {}", report.gain, report.target)?;
+        writeln!(f, "  gain {}, target {}", report.gain, report.target)?;
         writeln!(
             f,
-            "  clamped in {}, late in {}, not read in {} samples; telemetry dropped {}",
+            "  {} samples clamped, {} samples late, {} samples lost; {} telemetry packets dropped",
             report.clamped, report.late, report.lost, report.dropped
         )?;
         if report.injecting > 0 {
-            writeln!(f, "  injecting for another {} samples", report.injecting)?;
+            writeln!(f, "  test signal: another {} samples", report.injecting)?;
         }
         match report.recorded {
             Recorded::Off => Ok(()),
-            Recorded::Waiting => writeln!(f, "  recorder: waits for its trigger"),
-            Recorded::Running => writeln!(f, "  recorder: runs"),
+            Recorded::Waiting => writeln!(f, "  recorder: waiting for the trigger"),
+            Recorded::Running => writeln!(f, "  recorder: running"),
             Recorded::Done { length, before, .. } => writeln!(
                 f,
                 "  recorder: {length} samples, {before} of them from before the trigger"
@@ -365,14 +365,14 @@ impl Display for Standing {
 }
 
 #[derive(Serialize)]
-struct Runs(Identity);
+struct IdentityView(Identity);
 
-impl Display for Runs {
+impl Display for IdentityView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let identity = &self.0;
         write!(
             f,
-            "table {:08x}, layout {}, {} Hz, room for {} records\n  made from model ",
+            "table {:08x}, format {}, {} Hz, recorder for {} records\n  made from the model ",
             identity.checksum, identity.format, identity.sample_rate, identity.room
         )?;
         for byte in identity.model.0 {
@@ -388,27 +388,27 @@ impl Display for Runs {
 }
 
 #[derive(Serialize)]
-struct Does(Health);
+struct HealthView(Health);
 
-impl Display for Does {
+impl Display for HealthView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let health = &self.0;
         let restart = match health.restart {
             Restart::Power => "power",
-            Restart::Pin => "its reset pin",
-            Restart::Watchdog => "the watchdog",
-            Restart::Panic => "a panic",
-            Restart::HardFault => "a hard fault",
+            Restart::Pin => "reset pin",
+            Restart::Watchdog => "watchdog",
+            Restart::Panic => "panic",
+            Restart::HardFault => "hard fault",
         };
-        writeln!(f, "last started by {restart}")?;
+        writeln!(f, "last restart: {restart}")?;
         if health.period == 0 {
-            return writeln!(f, "  its time is not measured");
+            return writeln!(f, "  processing time: not measured");
         }
         let us = |ns: u32| f64::from(ns) * 1e-3;
         let part = |ns: u32| 100.0 * f64::from(ns) / f64::from(health.period);
         writeln!(
             f,
-            "  loop: {:.1} µs of {:.1} ({:.0} %), at the most {:.1} µs ({:.0} %); jitter {:.2} µs",
+            "  step: {:.1} µs of {:.1} ({:.0} %), at most {:.1} µs ({:.0} %); jitter {:.2} µs",
             us(health.usual),
             us(health.period),
             part(health.usual),
@@ -451,7 +451,7 @@ fn csv(records: &[Record]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the columns of a record's codes are called.
+/// The names of the columns with a record's codes.
 fn columns() -> impl Iterator<Item = String> {
     let names = ["sensor", "force", "dac"].into_iter();
     names.flat_map(|name| (1..=LEGS).map(move |i| format!("{name}{i}")))
@@ -463,7 +463,7 @@ fn codes(record: &Record) -> impl Iterator<Item = String> {
     adc.map(|code| code.0.to_string()).chain(dac)
 }
 
-/// A row, at once: whoever reads live waits for it.
+/// Writes a row and flushes it: a reader may wait for it.
 fn row<const N: usize, T: Into<String>>(
     table: &mut csv::Writer<std::io::Stdout>,
     front: [T; N],
@@ -480,17 +480,23 @@ fn row<const N: usize, T: Into<String>>(
         })
 }
 
+/// Shortest period of a measurement, samples: the multisine's lines lie below half of it.
+const SHORTEST: u32 = 512;
+
 #[derive(Serialize)]
-struct Measured {
+struct FrfView {
     lines: Vec<MeasuredLine>,
 }
 
 fn measured(
     client: &mut Client,
-    arguments: &Frf,
+    arguments: &FrfArguments,
     format: Format,
     searcher: &Searcher,
 ) -> Result<(), Failure> {
+    if !arguments.period.is_power_of_two() || arguments.period < SHORTEST {
+        return Err(Failure::Period(SHORTEST));
+    }
     let study = study(&arguments.model)?;
     let table = searcher.design(&arguments.model, &study)?.table;
     let settings = MeasurementSettings {
@@ -499,9 +505,6 @@ fn measured(
         settling: arguments.settling,
         amplitude: arguments.amplitude,
     };
-    if !arguments.period.is_power_of_two() || arguments.period < 512 {
-        return Err(Failure::Option("period"));
-    }
     let bar = Bar::of(LEGS * settings.averages as usize);
     let lines = measure(client, &study, &table, &settings, &bar);
     drop(bar);
@@ -509,18 +512,18 @@ fn measured(
         FrfError::Link(error) => Failure::Link(error),
         error => Failure::Frf(error),
     })?;
-    print::result(format, &Measured { lines })
+    print::result(format, &FrfView { lines })
 }
 
-impl Display for Measured {
+impl Display for FrfView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let closed = self.lines.iter().any(|line| line.sensitivity.is_some());
         writeln!(
             f,
-            "Plant measured with the loop {}: off the model by, and by noise at that\n      Hz    off, %   noise, %   coherence{}",
+            "Plant measured with the loop {}: difference from the model, and the difference expected from noise\n      Hz  diff., %   noise, %   coherence{}",
             if closed { "closed" } else { "open" },
             if closed {
-                "   sensitivity   the model's"
+                "   sensitivity      of model"
             } else {
                 ""
             }

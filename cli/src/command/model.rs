@@ -1,4 +1,4 @@
-//! `host-gen modes`, `gains` and `zeros`: what needs no search.
+//! `host-gen modes`, `gains` and `zeros`, which need no search.
 
 use host_gen::analysis::gains::GainAnalysis;
 use host_gen::analysis::modes::ModeAnalysis;

@@ -68,7 +68,7 @@ fn mounts(text: &str) -> Result<Mounts, String> {
     match text {
         "3" => Ok(Mounts::Three),
         "6" => Ok(Mounts::Six),
-        _ => Err("there are six legs: 3 mounts of two, or 6 mounts of one".to_owned()),
+        _ => Err("use 3 mounts with two legs each, or 6 mounts with one leg each".to_owned()),
     }
 }
 
@@ -150,7 +150,7 @@ fn stopped(dialoguer::Error::IO(error): dialoguer::Error) -> Failure {
     }
 }
 
-/// No length or mass is less.
+/// The smallest allowed length, m, mass, kg, and so on.
 const SMALL: f64 = 1e-3;
 
 pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
@@ -263,7 +263,7 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
         return Err(Failure::Exists(path.display().to_string()));
     }
     write_whole(&path, outline.machine_file(&path)?.as_bytes())?;
-    // What the file's first line names.
+    // The schema that the first line of the file names.
     let beside = path.with_file_name("machine.schema.json");
     if !beside.exists() {
         write_whole(&beside, schema().as_bytes())?;

@@ -18,7 +18,7 @@ use crate::print;
 pub struct PlantArguments {
     #[command(flatten)]
     common: Common,
-    /// Write A, B, C and D there as Matrix Market files, by kind of feedback.
+    /// Folder for A, B, C and D as Matrix Market files, for each kind of feedback.
     #[arg(long)]
     matrix_market: Option<PathBuf>,
 }

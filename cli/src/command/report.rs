@@ -20,16 +20,16 @@ use crate::search::{Bar, Searcher};
 pub struct ReportArguments {
     #[command(flatten)]
     several: Several,
-    /// What to make: the page, or JSON on standard output.
+    /// Output format: text writes the page, json prints its data (docs/json.md).
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
-    /// The page's file [default: NAME-report.html].
+    /// File of the page [default: NAME-report.html].
     #[arg(long)]
     output: Option<PathBuf>,
-    /// Also write every chart there as SVG, PNG and CSV.
+    /// Folder for every chart as SVG, PNG and CSV.
     #[arg(long, value_name = "FOLDER")]
     plots: Option<PathBuf>,
-    /// The floor is as strong as this criterion allows.
+    /// Floor at the limit of this vibration criterion.
     #[arg(long, value_parser = criterion(), default_value = "vc-c")]
     criterion: Criterion,
 }
@@ -59,7 +59,7 @@ pub fn report(arguments: &ReportArguments, searcher: &Searcher) -> Result<(), Fa
     Ok(())
 }
 
-/// Each machine's name once, with a hyphen between.
+/// The names of the machines, repeated names once, joined by hyphens.
 fn names(machines: &[Machine]) -> String {
     let mut names: Vec<&str> = machines.iter().map(|m| &m.name[..]).collect();
     names.dedup();
@@ -82,7 +82,7 @@ fn plots(review: &Review, folder: &Path) -> Result<(), Failure> {
         write("png", &png(chart, &picture)?)?;
         write("csv", csv(chart).as_bytes())?;
     }
-    // Standard output may be for JSON.
+    // Standard output may be used for JSON.
     eprintln!(
         "{}: {} charts, each as SVG, PNG and CSV",
         folder.display(),

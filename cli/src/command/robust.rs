@@ -12,10 +12,10 @@ use crate::search::{Bar, Searcher, study};
 pub struct RobustArguments {
     #[command(flatten)]
     common: Common,
-    /// How many machines to draw [default: the file's].
+    /// Number of perturbed machines [default: from the file].
     #[arg(long)]
     samples: Option<usize>,
-    /// Seed of the random numbers [default: the file's].
+    /// Seed of the random numbers [default: from the file].
     #[arg(long)]
     seed: Option<u64>,
 }
@@ -23,7 +23,7 @@ pub struct RobustArguments {
 pub fn robust(arguments: &RobustArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let study = study(model)?;
-    // The search has its own: that of the file.
+    // The search uses the settings of the file.
     let mut settings = study.machine().robustness.clone();
     if let Some(samples) = arguments.samples {
         if samples == 0 {

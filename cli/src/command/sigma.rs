@@ -20,11 +20,11 @@ pub struct SigmaArguments {
     /// Highest frequency, Hz.
     #[arg(long, default_value_t = 300.0)]
     to: f64,
-    /// Frequencies evenly in the logarithm, at least two; those about the
-    /// peaks come on top.
+    /// Number of frequencies, evenly spaced in the logarithm, at least 2; more are added
+    /// around peaks.
     #[arg(long, default_value_t = 500)]
     points: usize,
-    /// These frequencies alone, Hz, with commas between.
+    /// Only these frequencies, Hz, separated by commas.
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["from", "to", "points"])]
     at: Vec<f64>,
 }

@@ -16,18 +16,18 @@ use crate::search::{Searcher, study};
 pub struct SilArguments {
     /// Machine file.
     model: PathBuf,
-    /// HOST:PORT to listen on; port 0 takes any that is free.
+    /// HOST:PORT to listen on; with port 0, a free port is taken.
     #[arg(long, default_value = "127.0.0.1:7700")]
     listen: String,
-    /// As fast as this computer can, not in real time.
+    /// Run as fast as possible, not in real time.
     #[arg(long)]
     fast: bool,
 }
 
-/// Records that the recorder has room for.
+/// Capacity of the recorder, records.
 const ROOM: usize = 16_384;
 
-/// Samples between two looks at the line: five milliseconds of 20 kHz.
+/// Samples between two checks of the connection: 5 ms at 20 kHz.
 const BATCH: u32 = 100;
 
 pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure> {
@@ -42,7 +42,7 @@ pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure>
     let table = searcher.design(&arguments.model, &study)?.table;
     let mut room = vec![Record::NONE; ROOM];
     let mut sil = SoftwareBoard::new(&study, &table, &mut room);
-    // Whoever started this in the background waits for the line.
+    // A script that started this program may wait for this line.
     println!("listening on {}", listener.local_addr().map_err(failed)?);
     io::stdout().flush().map_err(failed)?;
     let mut host: Option<TcpStream> = None;
@@ -55,7 +55,7 @@ pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure>
         }
         samples += u64::from(BATCH);
         if let Ok((stream, _)) = listener.accept() {
-            // The latest to come is the one that is served.
+            // The latest connection is served.
             stream.set_nonblocking(true).map_err(failed)?;
             stream.set_nodelay(true).map_err(failed)?;
             host = Some(stream);
@@ -72,8 +72,8 @@ pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure>
     }
 }
 
-/// All bytes that have come and all telemetry that waits. An error is the line's
-/// end.
+/// Handles all received bytes and sends all waiting telemetry. An error means that the
+/// connection has ended.
 fn serve(stream: &mut TcpStream, sil: &mut SoftwareBoard<'_>) -> io::Result<()> {
     let mut bytes = [0; 1024];
     loop {

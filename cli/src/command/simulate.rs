@@ -15,13 +15,13 @@ use crate::search::{Searcher, study};
 pub struct SimulateArguments {
     #[command(flatten)]
     common: Common,
-    /// Measured time, s [default: the file's].
+    /// Simulated time after settling, s [default: from the file].
     #[arg(long)]
     duration: Option<f64>,
-    /// Seed of the random numbers [default: the file's].
+    /// Seed of the random numbers [default: from the file].
     #[arg(long)]
     seed: Option<u64>,
-    /// Floor acceleration, rms of each input, m/s² [default: the file's].
+    /// Floor acceleration, rms of each input, m/s² [default: from the file].
     #[arg(long)]
     floor_rms: Option<f64>,
 }
@@ -29,7 +29,7 @@ pub struct SimulateArguments {
 pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<(), Failure> {
     let model = &arguments.common.model;
     let study = study(model)?;
-    // The search has its own: that of the file.
+    // The search uses the settings of the file.
     let mut settings = study.machine().simulation.clone();
     let positive = |name, value: f64| {
         if value.is_finite() && value > 0.0 {
@@ -55,7 +55,7 @@ pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<()
     )
 }
 
-/// Open and closed loop under the same floor.
+/// Simulates the open and the closed loop on the same floor.
 pub fn simulation(study: &Study, settings: &Simulation, design: &Design) -> Comparison {
     let machine = study.machine();
     compare(

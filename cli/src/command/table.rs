@@ -21,7 +21,7 @@ use crate::search::{Searcher, study};
 pub struct TableArguments {
     #[command(flatten)]
     common: Common,
-    /// The table's file [default: firmware/src/tables/NAME.rs].
+    /// File of the table [default: firmware/src/tables/NAME.rs].
     #[arg(long)]
     table: Option<PathBuf>,
 }
@@ -37,18 +37,18 @@ pub fn generate(arguments: &TableArguments, searcher: &Searcher) -> Result<(), F
     print::result(arguments.common.format, &report.map_err(in_loop(model))?)
 }
 
-/// What `check` found.
+/// Result of `host-gen check`.
 #[derive(Serialize)]
-struct Checked {
+struct CheckView {
     table: String,
     up_to_date: bool,
-    /// The first line that differs, or nothing.
+    /// The first line that differs; none if the table is up to date.
     difference: Option<String>,
 }
 
-impl Display for Checked {
+impl Display for CheckView {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "{} is what the machine file gives", self.table)
+        writeln!(f, "{} matches the machine file", self.table)
     }
 }
 
@@ -63,7 +63,7 @@ pub fn check(arguments: &TableArguments, searcher: &Searcher) -> Result<(), Fail
         error,
     })?;
     let difference = difference(&found, &emit(study.machine(), &design.table));
-    let report = Checked {
+    let report = CheckView {
         table: path.display().to_string(),
         up_to_date: difference.is_none(),
         difference: difference.clone(),

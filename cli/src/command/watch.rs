@@ -30,33 +30,33 @@ use crate::search::Searcher;
 
 #[derive(Args)]
 pub struct WatchArguments {
-    /// Machine file; what it is based on is watched too.
+    /// Machine file; files that it is based on are watched too.
     model: PathBuf,
-    /// HOST:PORT of the page; port 0 takes any that is free.
+    /// HOST:PORT of the page; with port 0, a free port is taken.
     #[arg(long, default_value = "127.0.0.1:7780")]
     listen: String,
-    /// The floor is as strong as this criterion allows.
+    /// Floor at the limit of this vibration criterion.
     #[arg(long, value_parser = criterion(), default_value = "vc-c")]
     criterion: Criterion,
 }
 
-/// What the browser has to show, and its number.
+/// The content of the page, and a number that grows with every change.
 #[derive(Clone)]
 struct Shown {
     number: u64,
-    /// The last review without an error, as JSON.
+    /// The last valid review, as JSON.
     review: String,
     error: Option<String>,
 }
 
-/// A save is often several events; they are over after this.
+/// One save often causes several events; this long after the last one, it is complete.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// How often the search is looked after.
+/// Time between two checks of the search.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// The search begins once the file has been as it is for so long: whoever edits
-/// saves often, and the browser draws first.
+/// The search starts when the file has not changed for this time: while a file is edited,
+/// it is saved often, and the browser must draw first.
 const REST: Duration = Duration::from_secs(1);
 
 pub fn watch(arguments: &WatchArguments, searcher: &Searcher) -> Result<(), Failure> {
@@ -72,17 +72,17 @@ pub fn watch(arguments: &WatchArguments, searcher: &Searcher) -> Result<(), Fail
         read: String::new(),
         pending: Pending::None,
     };
-    // A file that is wrong when this begins is an error as everywhere.
+    // A file that is invalid at the start is an error, as in every command.
     let machine = Machine::load(&arguments.model)?;
     let (tell, changes) = channel();
     let mut watcher = notify::recommended_watcher(move |event: notify::Result<notify::Event>| {
-        // Reading a file is an event too; and nobody listens once this ends.
+        // Reading a file is an event too. When the program ends, the receiver is gone.
         if event.is_ok_and(|event| !event.kind.is_access()) {
             tell.send(()).unwrap_or_default();
         }
     })
     .map_err(|error| follower.failed(error))?;
-    // Editors put a new file in the old one's place, so folders are watched.
+    // Editors replace the file by a new one, so folders are watched.
     let mut folders = BTreeSet::new();
     for (file, _) in machine.files() {
         let folder = file.parent().filter(|folder| *folder != Path::new(""));
@@ -97,7 +97,7 @@ pub fn watch(arguments: &WatchArguments, searcher: &Searcher) -> Result<(), Fail
     follower.run(&changes)
 }
 
-/// Keeps the page as the file is.
+/// Keeps the page up to date with the file.
 struct Follower<'a> {
     arguments: &'a WatchArguments,
     searcher: &'a Searcher,
@@ -107,25 +107,26 @@ struct Follower<'a> {
     pending: Pending,
 }
 
-/// The whole report, which takes some time.
+/// State of the full report, which takes some time.
 enum Pending {
-    /// It is there, or cannot be.
+    /// Finished or failed.
     None,
-    /// It begins then.
+    /// It starts at this time.
     Due(Instant),
-    /// It is being made.
-    Running(Running),
+    /// In progress.
+    RunningReport(RunningReport),
 }
 
-/// Another process, which can be stopped, and what it writes.
-struct Running {
+/// A process that makes the full report, and the file with its output. A process can be
+/// stopped.
+struct RunningReport {
     process: Child,
     json: File,
 }
 
-impl Drop for Running {
+impl Drop for RunningReport {
     fn drop(&mut self) {
-        // It may be at its end already.
+        // It may have ended already.
         self.process.kill().unwrap_or_default();
         self.process.wait().map(|_| ()).unwrap_or_default();
     }
@@ -153,7 +154,7 @@ impl Follower<'_> {
         }
     }
 
-    /// What can be said at once of the file as it is now.
+    /// Shows the report that needs no search, for the file as it is now.
     fn follow(&mut self) -> Result<(), Failure> {
         let model = &self.arguments.model;
         let machine = match Machine::load(model) {
@@ -174,14 +175,14 @@ impl Follower<'_> {
         }
         self.read = texts;
         self.pending = Pending::Due(Instant::now() + REST);
-        self.say("drawn; the search for the controller follows")
+        self.say("page drawn; the search for the controller follows")
     }
 
-    /// Begins the search when it is due; shows what it has found.
+    /// Starts the search when it is due, and shows its result.
     fn look(&mut self) -> Result<(), Failure> {
         match &mut self.pending {
             Pending::Due(then) if *then <= Instant::now() => self.begin(),
-            Pending::Running(running) => match running.process.try_wait() {
+            Pending::RunningReport(running) => match running.process.try_wait() {
                 Ok(None) => Ok(()),
                 Ok(Some(status)) if status.success() => {
                     let mut json = String::new();
@@ -194,7 +195,7 @@ impl Follower<'_> {
                     self.show(json);
                     self.say("up to date")
                 }
-                // It has said why on standard error.
+                // The process has printed the reason to standard error.
                 Ok(Some(_)) => {
                     self.show_error("the search for a controller failed: see the terminal".into())
                 }
@@ -216,16 +217,16 @@ impl Follower<'_> {
                 .stdin(Stdio::null())
                 .stdout(json.try_clone()?)
                 .spawn()?;
-            Ok(Running { process, json })
+            Ok(RunningReport { process, json })
         };
-        self.pending = Pending::Running(begun().map_err(|error| self.io(error))?);
+        self.pending = Pending::RunningReport(begun().map_err(|error| self.io(error))?);
         Ok(())
     }
 
     fn io(&self, error: std::io::Error) -> Failure {
         Failure::Io {
             path: self.arguments.model.display().to_string(),
-            what: "followed",
+            what: "watched",
             error,
         }
     }
@@ -238,7 +239,7 @@ impl Follower<'_> {
         });
     }
 
-    /// Over the last review that had no error.
+    /// Shows an error over the last valid page.
     fn show_error(&mut self, error: String) -> Result<(), Failure> {
         self.pending = Pending::None;
         self.read.clear();
@@ -288,7 +289,7 @@ fn serve(listen: &str, shown: watch::Receiver<Shown>) -> Result<(), Failure> {
 
 async fn current(State(shown): State<watch::Receiver<Shown>>) -> Html<String> {
     let Shown { number, review, .. } = shown.borrow().clone();
-    // The error too, if there is one, comes with the first answer.
+    // The first answer also brings an error, if there is one.
     let follow = format!(
         "<script>(async () => {{
   for (let number = {number} - 1; ;) {{
@@ -310,7 +311,7 @@ struct After {
     after: i64,
 }
 
-/// Answers once what is shown has another number than `after`.
+/// Answers as soon as the number of the content differs from `after`.
 async fn next(
     State(mut shown): State<watch::Receiver<Shown>>,
     Query(After { after }): Query<After>,

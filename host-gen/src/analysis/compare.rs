@@ -10,7 +10,7 @@ use crate::machine::Feedback;
 use crate::model::energy::{Kind, energies};
 use crate::plant::zeros::transmission_zeros;
 
-/// `host-gen compare`.
+/// Result of `host-gen compare`: key figures of several machines side by side.
 #[derive(Debug, Serialize)]
 pub struct MachineComparison {
     pub(crate) machines: Vec<MachineColumn>,
@@ -26,17 +26,19 @@ pub(crate) struct MachineColumn {
     pub(crate) rigid_modes_hz: [f64; LEGS],
     pub(crate) acceleration_zeros_hz: Vec<f64>,
     pub(crate) force_zeros_hz: Vec<f64>,
-    /// Largest gain of the law, N/(m/s²) or 1.
+    /// Largest magnitude in the proportional gains: N/(m/s²), or without unit for force
+    /// feedback.
     pub(crate) largest_gain: f64,
-    /// Nothing where the target cannot be reached.
+    /// The design; none if no controller was found that reaches the target.
     pub(crate) shaped: Option<Design>,
 }
 
 impl MachineComparison {
-    /// Machines side by side.
+    /// Compares machines, one column for each, in the given order.
     ///
     /// # Errors
-    /// As [`Study::new`], and where an eigenvalue iteration does not converge.
+    /// [`StudyError`] if a machine gives no valid model or an eigenvalue iteration does
+    /// not converge.
     pub fn new<'a>(
         machines: impl IntoIterator<Item = &'a DesignedStudy>,
     ) -> Result<Self, StudyError> {
@@ -51,7 +53,7 @@ impl MachineComparison {
 impl MachineColumn {
     fn new(DesignedStudy { study, design }: &DesignedStudy) -> Result<Self, StudyError> {
         let kinds = Study::of_each_kind(study.machine())?;
-        // Nothing without sensors of that kind.
+        // Empty without sensors of this kind.
         let zeros = |feedback| -> Result<Vec<f64>, StudyError> {
             let mut kinds = kinds.iter();
             let Some(study) = kinds.find(|study| study.design_model().feedback == feedback) else {

@@ -1,5 +1,5 @@
-//! The designed controller beside the ideal one: isolation by mode, margins, delay,
-//! rounding, and what other boards would give.
+//! The designed controller compared with the ideal one: isolation by mode, margins,
+//! delay, rounding, and designs for other boards.
 
 use serde::Serialize;
 
@@ -16,7 +16,8 @@ use crate::numeric::NumericError;
 use crate::numeric::frequencies::pole_peaks;
 use crate::progress::Progress;
 
-/// `host-gen design`.
+/// Result of `host-gen design`: a design with isolation by mode, margins, delay and
+/// rounding.
 #[derive(Debug, Serialize)]
 pub struct DesignAnalysis {
     pub(crate) machine: String,
@@ -32,10 +33,10 @@ pub struct DesignAnalysis {
 }
 
 impl DesignAnalysis {
-    /// Of a study's design.
+    /// Analyses `design` on the sampled loop of `study`.
     ///
     /// # Errors
-    /// Where an eigenvalue iteration does not converge.
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
     pub fn new(study: &Study, design: Design) -> Result<Self, NumericError> {
         let machine = study.machine();
         let closed = SampledLoop {
@@ -63,12 +64,12 @@ impl DesignAnalysis {
         })
     }
 
-    /// With what other boards would give, which takes some times as long as a
-    /// design.
+    /// Adds rough designs for other sample rates and delays. This takes several times as
+    /// long as one design. `progress` is called after every trial of the searches.
     ///
     /// # Errors
-    /// Where another board makes no study or an eigenvalue iteration does not
-    /// converge.
+    /// [`StudyError`] if the machine with another board gives no valid model or a
+    /// computation fails.
     pub fn with_other_boards(
         mut self,
         study: &Study,

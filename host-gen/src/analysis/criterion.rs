@@ -6,7 +6,7 @@ use serde::Serialize;
 
 /// Vibration criteria of the IEST, and NIST-A: one-third-octave rms velocities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[expect(missing_docs, reason = "their names say all there is")]
+#[expect(missing_docs, reason = "the variants are the names of the criteria")]
 pub enum Criterion {
     VcA,
     VcB,
@@ -70,7 +70,7 @@ impl Criterion {
         }
     }
 
-    /// Where the criterion begins, Hz.
+    /// Lowest frequency of the criterion, Hz.
     pub fn begins(self) -> f64 {
         match self {
             Self::VcA | Self::VcB => 4.0,
@@ -78,16 +78,16 @@ impl Criterion {
         }
     }
 
-    /// Whether it says anything of the one-third-octave band about `hz`. The nominal
-    /// centres are 4, 5, 6.3 Hz and so on; 10^0.6 is 3.98.
+    /// Whether the criterion has a limit in the one-third-octave band with centre `hz`,
+    /// Hz. A band with the nominal centre 4 Hz has its exact centre at 10^0.6 = 3.98 Hz.
     pub fn covers(self, hz: f64) -> bool {
         hz > 0.98 * self.begins()
     }
 
-    /// The rms velocity in the one-third-octave band about `hz`, m/s. VC-A and
-    /// B are flat from 8 Hz and rise as 1/f from there down to 4 Hz; C to G are
-    /// flat; NIST-A is 0.025 µm up to 20 Hz and 3.1 µm/s above. Beyond its ends
-    /// a criterion is continued flat.
+    /// The highest allowed rms velocity in the one-third-octave band with centre `hz`,
+    /// m/s. VC-A and B are flat from 8 Hz and rise as 1/f from there down to 4 Hz; C to G
+    /// are flat; NIST-A is 0.025 µm up to 20 Hz and 3.1 µm/s above. Outside the
+    /// frequencies of the criterion, the velocity is constant.
     pub fn velocity(self, hz: f64) -> f64 {
         let rising = |flat: f64| flat * 8.0 / hz.clamp(4.0, 8.0);
         1e-6 * match self {
@@ -104,12 +104,12 @@ impl Criterion {
     }
 }
 
-/// Centres of the one-third-octave bands from 1 to 80 Hz.
+/// Exact centres of the one-third-octave bands from 1 to 80 Hz, ascending, Hz.
 pub fn third_centres() -> impl Iterator<Item = f64> {
     (0..20).map(|n| 10f64.powf(f64::from(n) / 10.0))
 }
 
-/// A name that is none of a criterion's.
+/// The error of a name that is not the name of a criterion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a criterion: write vc-a to vc-g, or nist-a")]
 pub struct UnknownCriterion;

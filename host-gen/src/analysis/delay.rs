@@ -1,10 +1,10 @@
-//! What the delay of the loop is made of.
+//! The delay of the loop and its parts.
 
 use serde::Serialize;
 
 use crate::machine::Board;
 
-/// What the whole delay is made of, s.
+/// The parts of the loop's delay and their sum, s.
 #[derive(Debug, Serialize)]
 pub(crate) struct DelayBudget {
     pub(crate) latch: f64,

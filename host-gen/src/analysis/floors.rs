@@ -1,14 +1,15 @@
-//! A floor's vibration and the board's noise, with and without control: rms by
-//! source, one-third octaves, the criterion met.
+//! Motion from the floor's vibration and the board's noise, without and with control: rms
+//! by source, one-third octaves, the criterion met.
 
 use serde::Serialize;
 
 use super::criterion::Criterion;
 use super::digest;
-use super::vibration::{Budget, Powers, SOURCES};
+use super::vibration::{NoiseBudget, Powers, SOURCES};
 use crate::design::Study;
 
-/// What a floor and the board's noise come to, with and without control.
+/// Result of `host-gen floor`: the motion caused by the floor and the board's noise,
+/// without and with control.
 #[derive(Debug, Serialize)]
 pub struct FloorAnalysis {
     pub(crate) machine: String,
@@ -24,14 +25,16 @@ pub struct FloorAnalysis {
 
 #[derive(Debug, Serialize)]
 pub(crate) struct FloorSide {
-    /// The strictest criterion the frame meets.
+    /// The strictest criterion that the frame meets; none if it meets none of VC-A to
+    /// VC-G.
     pub(crate) criterion: Option<&'static str>,
     pub(crate) rms: Vec<SourceShares>,
     pub(crate) thirds: Vec<ThirdOctave>,
     pub(crate) hz: Vec<f64>,
-    /// Amplitude densities of the performance outputs, all sources together.
+    /// Amplitude densities of the performance outputs, all sources together, (m/s²)/√Hz.
     pub(crate) performance: Vec<Vec<f64>>,
-    /// Of the frame's velocity along x, y, z.
+    /// Amplitude densities of the frame's velocity along x, y, z, all sources together,
+    /// (m/s)/√Hz.
     pub(crate) frame_velocity: Vec<Vec<f64>>,
 }
 
@@ -40,14 +43,14 @@ pub(crate) struct SourceShares {
     pub(crate) name: String,
     pub(crate) unit: &'static str,
     pub(crate) rms: f64,
-    /// Parts of the power, in the order of the sources.
+    /// Shares of the power, 0 to 1, in the order of the sources.
     pub(crate) shares: Powers,
 }
 
 #[derive(Debug, Serialize)]
 pub(crate) struct ThirdOctave {
     pub(crate) hz: f64,
-    /// The worst of x, y and z, m/s.
+    /// Rms velocity, the largest of x, y and z, m/s.
     pub(crate) velocity: f64,
     pub(crate) dominant: &'static str,
 }
@@ -64,7 +67,7 @@ fn dominant(powers: &Powers) -> &'static str {
 }
 
 impl FloorSide {
-    fn new(study: &Study, budget: Budget, [low, high]: [f64; 2]) -> Self {
+    fn new(study: &Study, budget: NoiseBudget, [low, high]: [f64; 2]) -> Self {
         let machine = study.machine();
         let legs = |what: &str| {
             let name = |leg: &usize| format!("{what} {}", machine.beams[*leg].name);
@@ -120,9 +123,16 @@ impl FloorSide {
 }
 
 impl FloorAnalysis {
-    /// Of a study on the floor `name`: without control and with it, from `band`'s
-    /// one end to the other.
-    pub fn new(study: &Study, name: String, band: [f64; 2], open: Budget, closed: Budget) -> Self {
+    /// Summarises the noise budgets of `study` on the floor called `name`: `open` without
+    /// control, `closed` with the loop closed. `band`: lower and upper end of the rms
+    /// values, Hz.
+    pub fn new(
+        study: &Study,
+        name: String,
+        band: [f64; 2],
+        open: NoiseBudget,
+        closed: NoiseBudget,
+    ) -> Self {
         Self {
             machine: study.machine().name.clone(),
             model_sha256: digest(study.machine()),
@@ -138,7 +148,7 @@ impl FloorAnalysis {
 }
 
 impl FloorAnalysis {
-    /// The same with the lists over frequency empty.
+    /// Empties the lists over frequency.
     pub(crate) fn without_spectra(mut self) -> Self {
         for side in [&mut self.open, &mut self.closed] {
             side.hz.clear();

@@ -10,7 +10,8 @@ use crate::machine::Feedback;
 use crate::numeric::NumericError;
 use crate::plant::{Plant, StateSpace};
 
-/// `host-gen gains`.
+/// Result of `host-gen gains`: the ideal gains, the design model, and the poles of the
+/// ideal loop.
 #[derive(Debug, Serialize)]
 pub struct GainAnalysis {
     pub(crate) machine: String,
@@ -33,10 +34,11 @@ pub struct GainAnalysis {
 }
 
 impl GainAnalysis {
-    /// Of a study.
+    /// The gains of `study`.
     ///
     /// # Errors
-    /// Where the ideal loop is ill-posed or an eigenvalue iteration does not converge.
+    /// [`NumericError`] if the ideal loop is ill-posed or an eigenvalue iteration does
+    /// not converge.
     pub fn new(study: &Study) -> Result<Self, NumericError> {
         let machine = study.machine();
         let design = study.design_model();
@@ -51,7 +53,7 @@ impl GainAnalysis {
             feedback: design.feedback.name(),
             frequency_hz: machine.target.frequency,
             damping: machine.target.damping,
-            // The gains of both kinds are the accelerations'.
+            // With both kinds of feedback, the gains are those of acceleration feedback.
             sensors: machine.sensor_names(match design.feedback {
                 Feedback::Both => Feedback::Acceleration,
                 one => one,

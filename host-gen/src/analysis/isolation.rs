@@ -1,5 +1,5 @@
-//! How each suspension mode follows the floor: without control, under the ideal
-//! law, and on the board.
+//! How each suspension mode follows the floor: without control, with the ideal law, and
+//! with the sampled law.
 
 use nalgebra::Complex;
 use serde::Serialize;
@@ -11,38 +11,40 @@ use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::plant::Gain;
 
-/// Where isolation is told, Hz.
+/// Frequencies at which isolation is reported, Hz.
 pub(crate) const AT: [f64; 6] = [2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
 
 /// One mode of the design model.
 #[derive(Debug, Serialize)]
 pub(crate) struct ModeIsolation {
-    /// Without control, Hz.
+    /// Natural frequency without control, Hz.
     pub(crate) hz: f64,
     pub(crate) open: Isolation,
-    /// None where the ideal loop is unstable.
+    /// With the ideal law; none if that loop is unstable.
     pub(crate) ideal: Option<Isolation>,
     pub(crate) sampled: Isolation,
 }
 
-/// How a mode follows the same motion of the floor.
+/// How a mode follows floor motion of the same shape.
 #[derive(Debug, Serialize)]
 pub(crate) struct Isolation {
-    /// Above this it is under 1/√2, Hz.
+    /// Frequency above which the transmissibility is below 1/√2, Hz.
     pub(crate) corner_hz: f64,
-    /// At [`AT`], dB, positive where it follows less.
+    /// Attenuation at each of [`AT`], dB; positive where the mode moves less than the
+    /// floor.
     pub(crate) db: [f64; AT.len()],
-    /// Its highest amplification, dB, and where, Hz.
+    /// Highest amplification, dB.
     pub(crate) peak_db: f64,
+    /// Frequency of the highest amplification, Hz.
     pub(crate) peak_hz: f64,
 }
 
 impl ModeIsolation {
-    /// Of every mode of the design model, slowest first; the sampled loop is `closed`
-    /// with its `poles`.
+    /// Isolation of every mode of the design model, lowest frequency first. `closed` is
+    /// the sampled loop, `poles` are its poles, rad/s.
     ///
     /// # Errors
-    /// Where an eigenvalue iteration does not converge.
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
     pub(crate) fn all(
         study: &Study,
         closed: &SampledLoop<'_>,

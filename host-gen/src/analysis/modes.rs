@@ -8,14 +8,15 @@ use crate::model::energy::{Energies, energies};
 use crate::model::gravity::buckling_load;
 use crate::model::independence::reach;
 
-/// `host-gen modes`.
+/// Result of `host-gen modes`: modes with shapes and energies, static loads of the legs,
+/// and the equation of motion.
 #[derive(Debug, Serialize)]
 pub struct ModeAnalysis {
     pub(crate) machine: String,
     model_sha256: String,
     pub(crate) modes: Vec<ModeEntry>,
     pub(crate) rigid_modes_hz: [f64; 6],
-    /// Without gravity, nothing.
+    /// Static loads of the legs; empty without gravity.
     pub(crate) leg_loads: Vec<LegLoad>,
     pub(crate) coordinates: Vec<String>,
     pub(crate) equation_of_motion: EquationMatrices,
@@ -29,7 +30,7 @@ pub(crate) struct ModeEntry {
     /// Per body: translation, m, and rotation, rad, of its centre of gravity;
     /// mass-normalised.
     pub(crate) shape: Vec<BodyMotion>,
-    /// The same shape in q_d, m.
+    /// The mode shape in the deformations q_d, mass-normalised, m.
     pub(crate) deformations: Vec<f64>,
     #[serde(flatten)]
     pub(crate) energies: Energies,
@@ -38,9 +39,9 @@ pub(crate) struct ModeEntry {
 #[derive(Debug, Serialize, PartialEq)]
 pub(crate) struct LegLoad {
     pub(crate) beam: String,
-    /// N, tension positive.
+    /// Axial force, N; positive in tension.
     pub(crate) axial_force: f64,
-    /// N, as a compression.
+    /// Buckling load, N; positive in compression.
     pub(crate) buckling_load: f64,
 }
 
@@ -60,7 +61,7 @@ pub(crate) struct EquationMatrices {
 }
 
 impl ModeAnalysis {
-    /// Of a study.
+    /// The modes of `study`.
     pub fn new(study: &Study) -> Self {
         let machine = study.machine();
         let modes = study.model().modes();

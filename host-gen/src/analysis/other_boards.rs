@@ -1,4 +1,4 @@
-//! What boards with another sample rate or delay would give.
+//! Rough designs for boards with other sample rates and delays.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -7,17 +7,19 @@ use crate::design::{Cache, DesignError, Effort, Search, Study, StudyError};
 use crate::machine::Machine;
 use crate::progress::Progress;
 
-/// What another board would give.
+/// The result of a rough design for another board.
 #[derive(Debug, Serialize)]
 pub(crate) struct OtherBoard {
     pub(crate) sample_rate: f64,
     pub(crate) whole_delay: f64,
-    /// By band, dB; empty where the target cannot be reached.
+    /// Highest σ_max(G11) in each band, dB; empty if no controller was found that reaches
+    /// the target.
     pub(crate) sampled_db: Vec<f64>,
 }
 
-/// The same machine at once and twice the sample rate, with the latch where it
-/// is, 10 and 20 µs sooner, and 10 µs later, each with a rough search.
+/// Rough designs at the sample rate of the file and at twice that rate, each with the
+/// outputs latched as in the file, 10 µs and 20 µs earlier, and 10 µs later. A board
+/// whose outputs would be latched before the sample is left out.
 pub(crate) fn other_boards(
     machine: &Machine,
     cache: Option<&Cache>,

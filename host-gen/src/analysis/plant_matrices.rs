@@ -7,7 +7,8 @@ use crate::design::Study;
 use crate::machine::{Machine, MachineError};
 use crate::plant::export::Generalised;
 
-/// `host-gen plant`.
+/// Result of `host-gen plant`: the generalised plant as matrices, with the names of its
+/// signals.
 #[derive(Debug, Serialize)]
 pub struct PlantMatrices {
     pub(crate) machine: String,
@@ -27,10 +28,10 @@ pub(crate) struct PlantOfKind {
 }
 
 impl PlantMatrices {
-    /// Of all kinds of feedback a machine has sensors for.
+    /// The plant for each kind of feedback that the machine has sensors for.
     ///
     /// # Errors
-    /// As [`Study::new`].
+    /// [`MachineError`] with the entry at fault if the machine gives no valid model.
     pub fn new(machine: &Machine) -> Result<Self, MachineError> {
         let beam = |i: &usize| machine.beams[*i].name.clone();
         let kinds = Study::of_each_kind(machine)?

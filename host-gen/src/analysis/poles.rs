@@ -1,4 +1,4 @@
-//! Poles without control, under the ideal law, and of the sampled loop.
+//! Poles without control, with the ideal law, and of the sampled loop.
 
 use nalgebra::Complex;
 use serde::Serialize;
@@ -10,7 +10,8 @@ use crate::control::LinearLaw;
 use crate::design::Study;
 use crate::numeric::NumericError;
 
-/// `host-gen poles`.
+/// Result of `host-gen poles`: poles without control, with the ideal law, and of the
+/// sampled loop.
 #[derive(Debug, Serialize)]
 pub struct PoleAnalysis {
     pub(crate) machine: String,
@@ -23,10 +24,10 @@ pub struct PoleAnalysis {
 }
 
 impl PoleAnalysis {
-    /// Of a study, the sampled loop under `table`.
+    /// The poles of `study`; the sampled loop is the one with `table`.
     ///
     /// # Errors
-    /// Where an eigenvalue iteration does not converge.
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
     pub fn new(study: &Study, table: &ValidTable) -> Result<Self, NumericError> {
         let plant = &study.plant().plant;
         let closed = SampledLoop {
@@ -35,8 +36,8 @@ impl PoleAnalysis {
         };
         let ideal = ideal_poles(&plant.state_space, study.gains())?;
         let sampled = closed.poles()?;
-        // One of each conjugate pair; poles of the delay, faster than half the
-        // sample rate, say nothing of the machine.
+        // One of each conjugate pair. Poles faster than half the sample rate come from
+        // the delay, not from the machine.
         let fastest = core::f64::consts::PI / study.plant().period;
         let list = |poles: &[Complex<f64>]| {
             poles

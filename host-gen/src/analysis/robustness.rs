@@ -1,4 +1,4 @@
-//! What the controller does on machines that are not quite the one in the file.
+//! The controller on randomly perturbed machines.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -13,57 +13,59 @@ use crate::machine::{Machine, Robustness};
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::progress::Progress;
 
-/// Smallest, nominal and largest value over all samples.
+/// Range of a value over the perturbed machines; the nominal value is within it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// Smallest.
+    /// Smallest value.
     pub min: f64,
-    /// Of the machine as it is in the file.
+    /// Value for the machine in the file.
     pub nominal: f64,
-    /// Largest.
+    /// Largest value.
     pub max: f64,
 }
 
-/// A pole and how far it moves.
+/// Range of a pole over the perturbed machines.
 #[derive(Clone, Debug, Serialize)]
 pub struct MovingPole {
-    /// Hz.
+    /// Natural frequency, Hz.
     pub hz: Spread,
     /// Relative damping.
     pub damping: Spread,
 }
 
-/// A band and how far its peak moves.
+/// Range of a band's peak over the perturbed machines.
 #[derive(Clone, Debug, Serialize)]
 pub struct MovingBand {
-    /// Name.
+    /// Name of the band.
     pub name: String,
     /// Highest σ_max(G11) of the sampled loop, dB.
     pub sampled_db: Spread,
 }
 
-/// What the Monte Carlo run found. The controller is that of the file.
+/// Result of a Monte Carlo run: one controller on many randomly perturbed machines.
 #[derive(Clone, Debug, Serialize)]
 pub struct PerturbedSpread {
-    /// How often a machine was drawn.
+    /// Number of perturbed machines.
     pub samples: usize,
-    /// How many of them the sampled loop is stable on.
+    /// Number of machines on which the sampled loop is stable.
     pub stable: usize,
-    /// Peak sensitivity of the sampled loop, of the stable ones.
+    /// Peak sensitivity of the sampled loop, over the stable loops.
     pub peak_sensitivity: Spread,
-    /// Above this the machine does not follow the floor, Hz, of the stable ones.
+    /// Frequency above which the machine is isolated from the floor (transmissibility
+    /// below 1/√2), Hz, over the stable loops.
     pub isolation_from_hz: Spread,
-    /// Peaks in the bands, of the stable ones.
+    /// Highest σ_max(G11) in each band, over the stable loops.
     pub bands: Vec<MovingBand>,
-    /// Modes without control.
+    /// Poles without control, one of each conjugate pair.
     pub open: Vec<MovingPole>,
-    /// Poles under the ideal law.
+    /// Poles with the ideal law, one of each conjugate pair.
     pub ideal: Vec<MovingPole>,
-    /// Lowest damping of any pole of the sampled loop below the delay's.
+    /// Lowest relative damping of the sampled loop's poles, except poles faster than half
+    /// the sample rate.
     pub lowest_damping: Spread,
 }
 
-/// One machine under the controller of another.
+/// One perturbed machine with the controller of the nominal one.
 struct Sample {
     stable: bool,
     peak_sensitivity: f64,
@@ -74,11 +76,13 @@ struct Sample {
     lowest_damping: f64,
 }
 
-/// Runs the samples over all cores; `progress` is called after each.
+/// Evaluates `table`, the controller of `study`, on randomly perturbed machines as
+/// `settings` describes them, on all cores. `bands` are the bands whose peaks are
+/// reported. `progress` is called after each machine.
 ///
 /// # Errors
-/// Where a drawn machine cannot be modelled or an eigenvalue iteration does not
-/// converge.
+/// [`StudyError`] if a perturbed machine gives no valid model or an eigenvalue iteration
+/// does not converge.
 pub fn monte_carlo(
     study: &Study,
     settings: &Robustness,
@@ -105,7 +109,7 @@ impl Sample {
         table: &ValidTable,
         bands: &[Band],
     ) -> Result<Self, StudyError> {
-        // The machine is its own, the controller the study's.
+        // The machine is the perturbed one, the controller that of `study`.
         let own = Study::new(machine)?;
         let sampled = own.plant();
         let plant = &sampled.plant;
@@ -135,7 +139,7 @@ impl Sample {
         let fastest = core::f64::consts::PI / sampled.period;
         Ok(Self {
             stable: stable(&poles),
-            // In the controller's own modal coordinates.
+            // In the modal coordinates of the controller.
             peak_sensitivity: closed
                 .peak_sensitivity(&study.design_model().modal, SLOWEST * frequency, &poles)
                 .value,
@@ -177,7 +181,7 @@ fn summary(nominal: &Sample, samples: &[Sample], bands: &[Band]) -> PerturbedSpr
     let moving = |of: &dyn Fn(&Sample) -> &[(f64, f64)]| {
         (0..of(nominal).len())
             .map(|i| {
-                // A pole that became real has no place in the list.
+                // Lists may differ in length: a pair of poles may become real.
                 let at = |part: fn((f64, f64)) -> f64| {
                     let values = samples.iter().filter_map(|s| of(s).get(i).copied());
                     spread(part(of(nominal)[i]), values.map(part))
@@ -211,7 +215,7 @@ fn summary(nominal: &Sample, samples: &[Sample], bands: &[Band]) -> PerturbedSpr
     }
 }
 
-/// `host-gen robust`.
+/// Result of `host-gen robust`: how the machine was perturbed, and the ranges found.
 #[derive(Debug, Serialize)]
 pub struct RobustnessAnalysis {
     pub(crate) machine: String,
@@ -226,7 +230,7 @@ pub struct RobustnessAnalysis {
 }
 
 impl RobustnessAnalysis {
-    /// Of a machine, how it was perturbed, and what was found.
+    /// The `result` of a run on `machine` with `settings`.
     pub fn new(machine: &Machine, settings: &Robustness, result: PerturbedSpread) -> Self {
         let name = |i: &usize| machine.bodies[*i].name.clone();
         Self {

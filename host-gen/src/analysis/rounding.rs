@@ -1,5 +1,5 @@
-//! What single precision costs: the step's law against the same law in double
-//! precision, on the same sensor values.
+//! The error from single precision: the law of the step compared with the same law in
+//! double precision, on the same sensor values.
 
 use core::f64::consts::TAU;
 
@@ -15,31 +15,33 @@ use shared::table::{Paths, ValidTable};
 use crate::control::LinearLaw;
 use crate::machine::Machine;
 
-/// Rounding at one frequency.
+/// Rounding error relative to noise at one frequency.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Rounding {
-    /// Hz.
+    /// Frequency, Hz.
     pub hz: f64,
-    /// Power of the forces' rounding over that of the forces that sensor and
-    /// ADC noise cause, worst leg, dB.
+    /// Power of the rounding error of the leg forces, relative to the power of the forces
+    /// caused by sensor and ADC noise, dB; the worst leg.
     pub over_noise_db: f64,
-    /// The same of rounding to the DAC's codes, as white noise.
+    /// Power of the rounding to DAC codes, taken as white noise, relative to the power of
+    /// the forces caused by sensor and ADC noise, dB; the worst leg.
     pub codes_over_noise_db: f64,
 }
 
-/// Where it is looked at, Hz.
+/// Frequencies at which the error is evaluated, Hz.
 const AT: [f64; 8] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 4000.0];
 
-/// Seconds looked at, in windows of two.
+/// Number of windows that are evaluated.
 const WINDOWS: usize = 12;
+/// Length of a window, s.
 const WINDOW: f64 = 2.0;
 
-/// Runs both laws on sensor noise and on a slow motion that takes up to half of
-/// the actuators' limit: the state then is large while its noise must stay
-/// small.
+/// Runs both laws on sensor noise and on a slow motion that needs up to half of the
+/// actuators' limit: then the states are large while their rounding error must stay
+/// small. Empty if `table` without AC coupling is not valid.
 ///
-/// AC coupling is left out: its averages hold the offset, whose rounding is
-/// beneath that of the ADC's code.
+/// AC coupling is left out: its states hold the sensor's offset, and their rounding error
+/// is smaller than an ADC code.
 pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
     let mut plain = *table.get();
     plain.ac_coupling = 0.0;
@@ -51,8 +53,8 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
     let law = plain.get().law;
     let board = &machine.board;
     let nyquist = (0.5 * board.sample_rate).sqrt();
-    // By sensor: rms of its noise with the ADC's, and of accelerations that are
-    // alike the forces that go with them.
+    // By sensor: rms of its noise and the ADC's together; and a motion, equal
+    // accelerations in all modes with the forces that belong to them.
     let mut noise = Vec::new();
     for sensor in [Some(board.sensor), board.beside].into_iter().flatten() {
         let adc = board.adc_noise.hypot(board.adc.lsb() / 12f64.sqrt());
@@ -82,7 +84,7 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
     let length = (WINDOW * board.sample_rate) as usize;
     let blank = || vec![[Complex::<f64>::ZERO; LEGS]; AT.len()];
     let mut powers = [[[0.0_f64; LEGS]; AT.len()]; 2];
-    // The first window settles.
+    // The first window is for settling.
     for window in 0..=WINDOWS {
         let mut sums = [blank(), blank()];
         for k in 0..length {

@@ -12,14 +12,15 @@ use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::numeric::singular::largest_singular_value;
 
-/// `host-gen sigma`.
+/// Result of `host-gen sigma`: the largest singular value of G11 over frequency for
+/// several loops.
 #[derive(Debug, Serialize)]
 pub struct SigmaAnalysis {
     pub(crate) machine: String,
     model_sha256: String,
     pub(crate) hz: Vec<f64>,
     pub(crate) curves: Vec<SigmaCurve>,
-    /// Loops that are not among the curves, and why.
+    /// Loops without a curve, each with the reason.
     pub(crate) missing: Vec<String>,
 }
 
@@ -28,42 +29,42 @@ pub(crate) struct SigmaCurve {
     pub(crate) name: String,
     /// The largest singular value of G11 at every `hz`.
     pub(crate) sigma_max: Vec<f64>,
-    /// What is fed back and how; none without control.
+    /// Kind of feedback and law; none without control.
     #[serde(skip)]
     pub(crate) of: Option<(Feedback, LawKind)>,
 }
 
-/// The paper's law, or the board's.
+/// The ideal law of the paper, or the sampled law of the board.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum LawKind {
     Ideal,
     Sampled,
 }
 
-/// Where to evaluate singular values.
+/// Frequencies at which singular values are evaluated.
 #[derive(Clone, Debug)]
 pub enum Frequencies {
-    /// From `low` to `high` Hz, `count` evenly in the logarithm and more about
-    /// every lightly damped pole, open and closed, so that no peak lies between
-    /// two of them.
+    /// `count` frequencies from `low` to `high`, evenly spaced in the logarithm, and more
+    /// around every lightly damped pole of all loops, so that no peak lies between two
+    /// frequencies.
     Adaptive {
-        /// Hz.
+        /// Lowest frequency, Hz.
         low: f64,
-        /// Hz.
+        /// Highest frequency, Hz.
         high: f64,
-        /// At least two.
+        /// Number of evenly spaced frequencies, at least 2.
         count: usize,
     },
-    /// At these alone, Hz.
+    /// Only these frequencies, Hz.
     At(Vec<f64>),
 }
 
 impl SigmaAnalysis {
-    /// σ_max(G11) at `frequencies` of the loops of one machine, the first of
-    /// them also open.
+    /// σ_max(G11) of `machine` at `frequencies`: without control, and for each of
+    /// `studies` with the ideal and with the sampled law.
     ///
     /// # Errors
-    /// Where an eigenvalue iteration does not converge.
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
     pub fn new(
         machine: &Machine,
         studies: &[DesignedStudy],
@@ -78,7 +79,8 @@ impl SigmaAnalysis {
             let ideal = ideal_poles(&plant.state_space, study.gains())?;
             peaks.extend(pole_peaks(&ideal));
             let name = study.design_model().feedback.name();
-            // That of both kinds is the accelerations'.
+            // With both kinds of feedback, the ideal law is that of acceleration
+            // feedback.
             let own = study.design_model().feedback != Feedback::Both;
             let ideal_holds = own && stable(&ideal);
             if own && !ideal_holds {

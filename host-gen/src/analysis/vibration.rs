@@ -1,8 +1,8 @@
-//! Floors and noise, and what they come to: where the motion of the machine
-//! comes from, and which vibration criterion its frame meets.
+//! Vibration from floor and noise: the sources of the machine's motion, and the vibration
+//! criterion that its frame meets.
 //!
-//! The sources are independent: six floor inputs, six sensors, the ADC and the
-//! DAC. Spectra are one-sided power densities.
+//! The sources are independent of each other: floor inputs, sensors, ADC channels and DAC
+//! channels. Spectra are one-sided power densities.
 
 use core::f64::consts::TAU;
 use core::ops::Range;
@@ -20,24 +20,26 @@ use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::plant::{Control, Gain, SampledPlant};
 
-/// Bandwidth of a one-third-octave band over its centre, 2^(1/6) − 2^(−1/6).
+/// Bandwidth of a one-third-octave band relative to its centre frequency, 2^(1/6) −
+/// 2^(−1/6).
 const THIRD: f64 = 0.231_563;
 
-/// A floor: the acceleration of each of its six inputs, independent of the
-/// others.
+/// Vibration of the floor: the acceleration of each of the six floor inputs, independent
+/// of each other.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Floor {
-    /// As strong as a vibration criterion allows in every band.
+    /// At the limit of a vibration criterion in every one-third-octave band.
     Criterion(Criterion),
-    /// White acceleration, m/s²/√Hz.
+    /// White acceleration, one-sided amplitude density, m/s²/√Hz.
     White(f64),
-    /// Frequency, Hz, ascending, and acceleration density, m/s²/√Hz: straight
-    /// between the points on logarithmic axes, nothing beyond them.
+    /// Pairs of frequency, Hz, ascending, and one-sided acceleration density, m/s²/√Hz.
+    /// Between the points, the density is a straight line on logarithmic axes; outside
+    /// them it is zero.
     Table(Vec<(f64, f64)>),
 }
 
 impl Floor {
-    /// Acceleration density at `hz`, m/s²/√Hz.
+    /// One-sided acceleration density at `hz`, Hz, in m/s²/√Hz.
     pub fn density(&self, hz: f64) -> f64 {
         match self {
             Self::Criterion(criterion) => TAU * hz * criterion.velocity(hz) / (THIRD * hz).sqrt(),
@@ -56,21 +58,22 @@ impl Floor {
     }
 }
 
-/// A line of a spectrum's text that is not what it must be: a frequency, Hz, above the
-/// one before it, and an acceleration density, m/s²/√Hz, not negative.
+/// The error of a spectrum's text. Each line must have a frequency, Hz, above the one
+/// before it, and an acceleration density, m/s²/√Hz, at least 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "line {line}: a line is a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, not negative"
+    "line {line}: expected a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, at least 0"
 )]
 pub struct SpectrumError {
-    /// From 1.
+    /// Number of the line at fault, from 1.
     pub line: usize,
 }
 
 impl FromStr for Floor {
     type Err = SpectrumError;
 
-    /// A table of two numbers a line, separated by white space; `#` begins a comment.
+    /// Parses a table with two numbers on each line, separated by white space; `#` starts
+    /// a comment.
     fn from_str(text: &str) -> Result<Self, SpectrumError> {
         let mut points: Vec<(f64, f64)> = Vec::new();
         for (i, line) in text.lines().enumerate() {
@@ -94,64 +97,66 @@ impl FromStr for Floor {
     }
 }
 
-/// What moves the machine: floor, sensor noise, ADC (noise and rounding), DAC
-/// (noise and rounding), in this order.
+/// Sources of the machine's motion: floor, sensor noise, ADC (noise and rounding), DAC
+/// (noise and rounding).
 pub const SOURCES: [&str; 4] = ["floor", "sensors", "ADC", "DAC"];
 
-/// Power of one quantity from each of [`SOURCES`].
+/// Power, or power density, of one quantity by source, in the order of [`SOURCES`].
 pub type Powers = [f64; SOURCES.len()];
 
-/// Power densities over frequency of the rows of one group of outputs.
+/// Power densities of a group of outputs: by output, then by frequency.
 pub type Spectra = Vec<Vec<Powers>>;
 
-/// What the floor and the noise come to.
+/// One-sided power densities of a machine's motion and forces, by source.
 #[derive(Clone, Debug)]
-pub struct Budget {
-    /// Hz, finer about every resonance.
+pub struct NoiseBudget {
+    /// Frequencies, ascending, closer together around every resonance, Hz.
     pub hz: Vec<f64>,
-    /// Of the performance outputs, (m/s²)²/Hz.
+    /// Power densities of the performance outputs, (m/s²)²/Hz.
     pub performance: Spectra,
-    /// Of the frame's velocity along x, y and z, (m/s)²/Hz.
+    /// Power densities of the frame's velocity along x, y and z, (m/s)²/Hz.
     pub frame: Spectra,
-    /// Of the leg forces, N²/Hz.
+    /// Power densities of the leg forces, N²/Hz.
     pub force: Spectra,
-    /// Of the legs' elongations, m²/Hz.
+    /// Power densities of the legs' elongations, m²/Hz.
     pub stroke: Spectra,
 }
 
-/// Without control and under `table`, in this order.
+/// Noise budgets without control and with `table`, in this order, from the lower to the
+/// upper end of `band`, Hz.
 ///
 /// # Errors
-/// As [`budget`].
+/// [`NumericError`] if an eigenvalue iteration does not converge.
 pub fn both_budgets(
     plant: &SampledPlant,
     board: &Board,
     table: &ValidTable,
     floor: &Floor,
     band: [f64; 2],
-) -> Result<[Budget; 2], NumericError> {
+) -> Result<[NoiseBudget; 2], NumericError> {
     let of = |table| budget(plant, board, table, floor, band);
     Ok([of(None)?, of(Some(table))?])
 }
 
-/// Power densities on the given floor from `low` to `high` Hz; under `table`, or
-/// without one with the outputs held.
+/// The noise budget on `floor` from `low` to `high`, Hz: with the loop closed under
+/// `table`, or without a table with constant outputs.
 ///
 /// # Errors
-/// Where the eigenvalue iteration does not converge.
+/// [`NumericError`] if an eigenvalue iteration does not converge.
 pub fn budget(
     plant: &SampledPlant,
     board: &Board,
     table: Option<&ValidTable>,
     floor: &Floor,
     [low, high]: [f64; 2],
-) -> Result<Budget, NumericError> {
+) -> Result<NoiseBudget, NumericError> {
     let law = table.map(LinearLaw::new);
     let mut peaks = plant.plant.peaks();
     if let Some(law) = law {
         peaks = pole_peaks(&SampledLoop { plant, law }.poles()?);
     }
-    // Resonances wide enough for the integral: their flanks fall as 1/f².
+    // Points also on the flanks of the resonances, which fall as 1/f²: the integral needs
+    // them.
     let flanks: Vec<_> = peaks
         .iter()
         .flat_map(|&(hz, width)| [0.02, 0.1, 0.5, 2.0, 6.0].map(|part| (hz, part * width)))
@@ -162,7 +167,8 @@ pub fn budget(
     let nyquist = 0.5 * board.sample_rate;
     let rounding = |noise: f64, lsb: f64| (noise * noise + lsb * lsb / 12.0) / nyquist;
     let adc = rounding(board.adc_noise, board.adc.lsb());
-    // By sensor: power densities of its own noise and of the ADC's as its own.
+    // By sensor: power densities of its own noise, and of the ADC's noise referred to the
+    // sensor.
     let (sensor_noise, adc_noise): (Vec<_>, Vec<_>) = [Some(board.sensor), board.beside]
         .into_iter()
         .flatten()
@@ -178,7 +184,7 @@ pub fn budget(
     let dac = rounding(board.dac_noise, board.dac.lsb()) * board.actuator_gain.powi(2);
 
     let model = &plant.plant;
-    let mut budget = Budget {
+    let mut budget = NoiseBudget {
         performance: vec![Vec::new(); model.performance().len()],
         frame: vec![Vec::new(); 3],
         force: vec![Vec::new(); LEGS],
@@ -189,8 +195,8 @@ pub fn budget(
         let response = plant.response(hz);
         let none = || Control::zeros(model.sensors().len());
         let controller = law.map_or_else(none, |law| law.response(plant.z(hz)));
-        // σ = K·(sensors' floor part + noise), and what a disturbance of the
-        // forces comes to in the loop.
+        // σ = K·(floor part of the sensors + noise); `from_dac` is the response of the
+        // forces to a disturbance of the forces.
         let one = Matrix6::identity();
         let g22 = response.g22();
         let from_dac = (one - &controller * g22)
@@ -199,7 +205,7 @@ pub fn budget(
         let from_sensors = from_dac * &controller;
         let floor = floor.density(hz).powi(2);
         let add = |spectra: &mut Spectra, by_floor: &Gain, by_force: &Gain, scale: f64| {
-            // Of these rows, what the sensors' noise comes to by the forces.
+            // The part of these rows that sensor noise causes through the forces.
             let by_noise = (by_force * &from_sensors).map(|z| z.norm_sqr());
             let [sensors, adc] = [&sensor_noise, &adc_noise].map(|noise| &by_noise * noise);
             let by_dac = by_force * from_dac;
@@ -228,8 +234,9 @@ pub fn budget(
     Ok(budget)
 }
 
-impl Budget {
-    /// Power of a spectrum from `low` to `high` Hz by source: trapezoids.
+impl NoiseBudget {
+    /// Power of `spectrum` between `low` and `high`, Hz, by source; by the trapezoidal
+    /// rule.
     pub fn power(&self, spectrum: &[Powers], low: f64, high: f64) -> Powers {
         let mut sum = [0.0; SOURCES.len()];
         for i in 1..self.hz.len() {
@@ -237,7 +244,7 @@ impl Budget {
             if to <= from {
                 continue;
             }
-            // Straight between the points.
+            // Linear between the points.
             let at = |hz: f64, source: usize| {
                 let part = (hz - self.hz[i - 1]) / (self.hz[i] - self.hz[i - 1]);
                 spectrum[i - 1][source] * (1.0 - part) + spectrum[i][source] * part
@@ -249,9 +256,9 @@ impl Budget {
         sum
     }
 
-    /// The frame's rms velocity in the one-third-octave bands from 1 to 80 Hz
-    /// that the spectra cover: centre, Hz, the worst of x, y and z, m/s, and
-    /// its powers by source.
+    /// The frame's velocity in each one-third-octave band from 1 to 80 Hz that lies
+    /// within the spectra: centre, Hz; rms velocity, the largest of x, y and z, m/s; its
+    /// powers by source, (m/s)².
     pub fn thirds(&self) -> Vec<(f64, f64, Powers)> {
         let (first, last) = (self.hz[0], self.hz[self.hz.len() - 1]);
         third_centres()
@@ -271,7 +278,8 @@ impl Budget {
             .collect()
     }
 
-    /// The strictest criterion that the frame meets in all bands it covers.
+    /// The strictest of VC-A to VC-G whose limit the frame meets in all bands that lie
+    /// within the spectra; none if it meets none.
     pub fn criterion(&self) -> Option<Criterion> {
         let thirds = self.thirds();
         let met = |criterion: &Criterion| {

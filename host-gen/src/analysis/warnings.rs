@@ -1,4 +1,4 @@
-//! What an engineer should know about a machine's numbers.
+//! Warnings about a machine, and the sources of its numbers.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::model::gravity::buckling_load;
 use crate::numeric::NumericError;
 use crate::plant::zeros::{grow, transmission_zeros};
 
-/// What numbers rest on.
+/// The source of some of a machine's numbers.
 #[derive(Debug, Serialize)]
 pub(crate) struct Statement {
     pub(crate) kind: &'static str,
@@ -17,7 +17,7 @@ pub(crate) struct Statement {
 }
 
 impl Statement {
-    /// As the machine's file has it.
+    /// From an entry in the machine's file.
     pub(crate) fn new(provenance: &Provenance) -> Self {
         Self {
             kind: match provenance.kind {
@@ -31,10 +31,10 @@ impl Statement {
     }
 }
 
-/// What gravity does to a machine that an engineer would want to be told.
+/// Effects of gravity: legs that buckle, and instability. Empty if there are none.
 ///
 /// # Errors
-/// Where an eigenvalue iteration does not converge.
+/// [`NumericError`] if an eigenvalue iteration does not converge.
 pub(crate) fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
     let mut warnings = Vec::new();
     let loads = study.model().statics.axial.iter();

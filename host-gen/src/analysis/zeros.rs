@@ -1,4 +1,5 @@
-//! The transmission zeros of each kind of feedback, beside the poles they attract.
+//! The transmission zeros for each kind of feedback, and the closed-loop poles nearest to
+//! them.
 
 use serde::Serialize;
 
@@ -9,7 +10,7 @@ use crate::machine::Machine;
 use crate::numeric::NumericError;
 use crate::plant::zeros::{grow, transmission_zeros};
 
-/// `host-gen zeros`.
+/// Result of `host-gen zeros`: transmission zeros for each kind of feedback.
 #[derive(Debug, Serialize)]
 pub struct ZeroAnalysis {
     pub(crate) machine: String,
@@ -21,7 +22,8 @@ pub struct ZeroAnalysis {
 pub(crate) struct ZerosOfKind {
     pub(crate) feedback: &'static str,
     pub(crate) zeros: Vec<Zero>,
-    /// A zero that grows: the machine with its sensors held is unstable.
+    /// Whether a zero is unstable: then the machine is unstable with the sensor outputs
+    /// held at zero.
     pub(crate) unstable: bool,
 }
 
@@ -29,15 +31,16 @@ pub(crate) struct ZerosOfKind {
 pub(crate) struct Zero {
     #[serde(flatten)]
     pub(crate) at: Pole,
-    /// The nearest pole of the ideal loop, Hz.
+    /// Natural frequency of the nearest pole of the ideal loop, Hz.
     pub(crate) nearest_closed_loop_hz: Option<f64>,
 }
 
 impl ZeroAnalysis {
-    /// Of all kinds of feedback a machine has sensors for.
+    /// The zeros for each kind of feedback that the machine has sensors for.
     ///
     /// # Errors
-    /// As [`Study::new`], and where an eigenvalue iteration does not converge.
+    /// [`StudyError`] if the machine gives no valid model or an eigenvalue iteration does
+    /// not converge.
     pub fn new(machine: &Machine) -> Result<Self, StudyError> {
         let studies = Study::of_each_kind(machine)?;
         let kinds = studies.iter().map(ZerosOfKind::new);

@@ -15,12 +15,12 @@ use shared::table::{TABLE_ROOM, ValidTable};
 
 use super::words::reason;
 
-/// Where a board is.
+/// Address of a board.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {
-    /// HOST:PORT.
+    /// A TCP address, HOST:PORT.
     Tcp(String),
-    /// A serial port's path or name.
+    /// Path or name of a serial port.
     Serial(String),
 }
 
@@ -45,32 +45,32 @@ impl fmt::Display for Address {
     }
 }
 
-/// What goes wrong on the link.
+/// Errors of the link.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// The line.
+    /// The serial port or the connection failed.
     #[error("{at}: {error}")]
     Line {
-        /// Where.
+        /// Address of the board.
         at: Address,
-        /// What.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// No answer.
-    #[error("{0}: no answer within {SILENCE:?}; is it the right port, and does the board run?")]
+    /// The board did not reply in time.
+    #[error("{0}: no reply within {SILENCE:?}; check the address, and that the board runs")]
     Silent(Address),
-    /// The board says no.
-    #[error("the board refuses: {}", reason(*.0))]
+    /// The board refused the request.
+    #[error("the board refuses the request: {}", reason(*.0))]
     Refused(Refusal),
-    /// It says something that is no answer to what was asked.
-    #[error("the board's answer belongs to another question; is another program on the line?")]
+    /// The reply does not belong to the request.
+    #[error("the reply does not belong to the request; check that no other program uses this link")]
     Answer,
 }
 
-/// An answer takes no longer than this.
+/// Longest wait for a reply.
 const SILENCE: Duration = Duration::from_secs(5);
 
-/// A line that bytes go over.
+/// A byte stream: a serial port or a TCP connection.
 trait ByteStream: Read + Write {}
 impl<T: Read + Write> ByteStream for T {}
 
@@ -85,16 +85,16 @@ pub struct Client {
 }
 
 impl Client {
-    /// Opens the line and begins a session.
+    /// Connects to the board at `at` and starts a session.
     ///
     /// # Errors
-    /// Where there is no line or no answer.
+    /// [`LinkError`] if the port cannot be opened or the board does not reply.
     pub fn connect(at: &Address) -> Result<Self, LinkError> {
         let failed = |error: io::Error| LinkError::Line {
             at: at.clone(),
             error,
         };
-        // Short, so that a wait can be given up.
+        // Short, so that the total waiting time can be checked.
         let patience = Duration::from_millis(20);
         let line: Box<dyn ByteStream> = match at {
             Address::Tcp(name) => {
@@ -116,9 +116,9 @@ impl Client {
             sequence: 0,
             telemetry: VecDeque::new(),
         };
-        // Ends what another program may have left unfinished.
+        // Ends a frame that another program may have left incomplete.
         client.line.get_mut().write_all(&[0]).map_err(failed)?;
-        // Different each time is enough.
+        // It only has to differ from one session to the next.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         let nonce = now.map_or(0, |time| time.as_nanos() as u32 ^ std::process::id());
         match client.ask(Request::Hello(nonce))? {
@@ -127,10 +127,12 @@ impl Client {
         }
     }
 
-    /// Asks and waits for the answer. Telemetry that comes before it is kept.
+    /// Sends a request and waits for the reply. Telemetry that arrives before the reply
+    /// is queued.
     ///
     /// # Errors
-    /// Where there is none, or the board refuses.
+    /// [`LinkError`] if the connection fails, no reply comes, or the board refuses the
+    /// request.
     pub fn ask(&mut self, request: Request) -> Result<Reply, LinkError> {
         self.sequence += 1;
         let hello = matches!(request, Request::Hello(_));
@@ -155,7 +157,7 @@ impl Client {
                 self.keep(reply.session, telemetry);
                 continue;
             }
-            // What is left over from another session.
+            // A late reply, or one from another session.
             if reply.sequence != self.sequence || !hello && reply.session != self.session {
                 if let Reply::Refused(refusal) = reply.body
                     && reply.sequence == 0
@@ -186,7 +188,7 @@ impl Client {
         }
     }
 
-    /// The next packet; none where nothing came for a while.
+    /// The next packet; none if nothing arrived within the read timeout.
     fn receive(&mut self) -> Result<Option<Packet<Reply>>, LinkError> {
         let mut byte = [0; 1];
         loop {
@@ -206,17 +208,17 @@ impl Client {
                 }
                 Err(error) => return Err(self.failed(error)),
             }
-            // What is no frame was garbled on its way; its answer will be missed.
+            // A malformed frame is ignored; its request then times out.
             if let Some(Ok(packet)) = self.cutter.push(byte[0]) {
                 return Ok(Some(packet));
             }
         }
     }
 
-    /// The next telemetry; waits a moment for it.
+    /// The next telemetry packet; none if none arrived within the read timeout of 20 ms.
     ///
     /// # Errors
-    /// Where the line fails.
+    /// [`LinkError`] if the connection fails.
     pub fn telemetry(&mut self) -> Result<Option<Telemetry>, LinkError> {
         if self.telemetry.is_empty()
             && let Some(packet) = self.receive()?
@@ -227,7 +229,7 @@ impl Client {
         Ok(self.telemetry.pop_front())
     }
 
-    /// Asks for something to be done.
+    /// Sends a request whose reply has no data.
     ///
     /// # Errors
     /// As [`Client::ask`].
@@ -238,7 +240,7 @@ impl Client {
         }
     }
 
-    /// How things stand.
+    /// Mode, gain, fault and counters of the controller.
     ///
     /// # Errors
     /// As [`Client::ask`].
@@ -249,7 +251,7 @@ impl Client {
         }
     }
 
-    /// What runs there.
+    /// Identity of the table that the board runs.
     ///
     /// # Errors
     /// As [`Client::ask`].
@@ -260,7 +262,8 @@ impl Client {
         }
     }
 
-    /// How its processor does.
+    /// Load, jitter and free stack of the board's processor, and the cause of its last
+    /// restart.
     ///
     /// # Errors
     /// As [`Client::ask`].
@@ -271,10 +274,10 @@ impl Client {
         }
     }
 
-    /// Sends a table, which the board then keeps and runs.
+    /// Sends a table. The board validates it, stores it and runs it.
     ///
     /// # Errors
-    /// As [`Client::ask`]; where the board cannot run it.
+    /// As [`Client::ask`]; [`LinkError::Refused`] if the board cannot run the table.
     pub fn send_table(&mut self, table: &ValidTable) -> Result<(), LinkError> {
         let mut room = [0; TABLE_ROOM];
         let bytes = table.encode(&mut room).ok_or(LinkError::Answer)?;
@@ -285,7 +288,7 @@ impl Client {
         self.command(Request::Keep(bytes.len() as u32, table.checksum()))
     }
 
-    /// Waits until `is` holds.
+    /// Asks for reports until `is` holds for one, and returns it.
     ///
     /// # Errors
     /// As [`Client::ask`].
@@ -302,8 +305,8 @@ impl Client {
         }
     }
 
-    /// Arms the recorder and waits for what it records: the records, and the
-    /// trigger's sample.
+    /// Arms the recorder and waits for the recording: the records, and the sample number
+    /// of the trigger.
     ///
     /// # Errors
     /// As [`Client::ask`].
@@ -312,7 +315,8 @@ impl Client {
         self.recording()
     }
 
-    /// Waits for the recording under way.
+    /// Waits for the recording in progress: the records, and the sample number of the
+    /// trigger.
     ///
     /// # Errors
     /// As [`Client::ask`].
@@ -325,14 +329,15 @@ impl Client {
         Ok((self.records(Request::Recording)?, at))
     }
 
-    /// All records that `request` gives.
+    /// All records of a recording or a snapshot: `request` makes the request for the
+    /// records from an index on.
     ///
     /// # Errors
     /// As [`Client::ask`].
     pub fn records(&mut self, request: fn(u32) -> Request) -> Result<Vec<Record>, LinkError> {
         let mut all: Vec<Record> = Vec::new();
         loop {
-            // At most the board's room.
+            // At most as many as fit into the board's recorder.
             match self.ask(request(all.len() as u32))? {
                 Reply::Records(records) if records.is_empty() => return Ok(all),
                 Reply::Records(records) => all.extend(records),

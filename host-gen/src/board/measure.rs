@@ -1,10 +1,10 @@
 //! Transfer functions measured in place: a multisine in each leg in turn, and the
 //! recorder.
 //!
-//! With the forces of six experiments as the columns of U and the sensors' answers
-//! as those of Y, the plant is G22 = Y·U⁻¹ whether the loop is open or closed. The
-//! forces are what the DAC was given, the law's part included; with R what was
-//! injected, the sensitivity at the legs is U·R⁻¹.
+//! With the forces of six experiments as the columns of U and the sensors' answers as
+//! those of Y, the plant is G22 = Y·U⁻¹ whether the loop is open or closed. The forces
+//! are those given to the DAC, the controller's part included. With the injected forces
+//! R, the sensitivity at the legs is U·R⁻¹.
 
 use std::sync::Arc;
 
@@ -24,26 +24,28 @@ use crate::control::LinearLaw;
 use crate::design::Study;
 use crate::progress::Progress;
 
-/// How to measure.
+/// Settings of a measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct MeasurementSettings {
     /// Samples in a period of the multisine, a power of two.
     pub period: u32,
-    /// Periods that are averaged.
+    /// Number of periods that are averaged.
     pub averages: u32,
-    /// Periods until the machine swings as the multisine does.
+    /// Periods to wait until transients have died out.
     pub settling: u32,
-    /// Of each sine, N.
+    /// Amplitude of each sine, N.
     pub amplitude: f64,
 }
 
-/// The first sine's turns in a period, those from one sine to the next, and how many:
-/// from 5 to 315 Hz at 20 kHz and 8192 samples.
+/// Cycles of the first sine in a period. With the two constants below, the sines are from
+/// 5 to 315 Hz at 20 kHz and 8192 samples.
 const FIRST: u32 = 2;
+/// Cycles in a period between neighbouring sines.
 const APART: u32 = 2;
+/// Number of sines.
 const COUNT: u32 = 64;
 
-/// The multisine that is measured with.
+/// The multisine of a measurement; `period` in samples.
 pub fn multisine(period: u32) -> Signal {
     Signal::Multisine {
         period,
@@ -53,72 +55,74 @@ pub fn multisine(period: u32) -> Signal {
     }
 }
 
-/// What was measured at one frequency.
+/// The result at one frequency.
 #[derive(Clone, Debug, Serialize)]
 pub struct MeasuredLine {
-    /// Hz.
+    /// Frequency, Hz.
     pub hz: f64,
-    /// Sensors by legs: G22, unit of the sensor per N, as [re, im].
+    /// Measured G22: a row for each sensor, a column for each leg, unit of the sensor per
+    /// N, as [re, im].
     pub plant: Vec<[[f64; 2]; LEGS]>,
-    /// The model's.
+    /// G22 of the model, in the form of `plant`.
     pub model: Vec<[[f64; 2]; LEGS]>,
-    /// Largest singular value of the difference over that of the model, each kind
-    /// of sensors by itself, the worse.
+    /// Frobenius norm of measured minus modelled G22, relative to that of the model; the
+    /// larger value of the two kinds of sensors.
     pub error: f64,
-    /// What the scatter of the averages makes one expect of it, root mean square.
+    /// Rms value of `error` that is expected from the scatter of the averages alone.
     pub expected_error: f64,
-    /// The lowest coherence of any sensor with the forces, the worst leg.
+    /// Coherence between the force of a leg and the sensor where it is highest, 0 to 1;
+    /// the lowest value of all legs.
     pub coherence: f64,
-    /// With the loop closed: largest singular value of the sensitivity at the legs,
-    /// measured, and as the model and the table say.
+    /// σ_max of the sensitivity at the legs, measured and predicted from model and table;
+    /// none with the loop open.
     pub sensitivity: Option<[f64; 2]>,
 }
 
-/// Why nothing was measured.
+/// Errors of a measurement.
 #[derive(Debug, thiserror::Error)]
 pub enum FrfError {
-    /// The link.
+    /// The link failed.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// The board runs another table than the one that the machine file gives.
+    /// The board runs another table than the one of the machine file.
     #[error(
-        "the board runs a table of another machine or another version of it; run host-gen generate and flash it"
+        "the board runs the table of another machine, or of another version of the machine file; send the table with host-gen link table, or run host-gen generate and flash the board"
     )]
     OtherTable,
-    /// Neither open nor closed.
+    /// The loop is neither idle nor closed.
     #[error("the loop is neither idle nor closed; see host-gen link status")]
     Mode,
-    /// The recorder is too small.
-    #[error("the board's recorder has room for {room} records; --period must not be above that")]
+    /// The period does not fit into the board's recorder.
+    #[error("the board's recorder holds {room} records; --period must not be larger")]
     Room {
-        /// Records.
+        /// Capacity of the recorder, records.
         room: u32,
     },
-    /// What came back holds nothing of the multisine.
+    /// The recorded forces do not contain the multisine.
     #[error(
-        "leg {leg}: the forces do not hold what was injected; --amplitude is too low or the legs are clamped"
+        "leg {leg}: the recorded forces do not contain the injected signal; --amplitude is too low, or the leg is at its limit"
     )]
     Nothing {
-        /// From 1.
+        /// Number of the leg, from 1.
         leg: usize,
     },
 }
 
-/// One experiment: means over the averages of forces, sensors and injection at each
-/// line, and powers for the coherence.
+/// One experiment: the multisine in one leg.
 struct Experiment {
-    /// By line and average, all channels: sensors, then forces.
+    /// Spectra by line, by average and by channel: sensors, then forces.
     spectra: Vec<Vec<Vec<Complex<f64>>>>,
-    /// By line: what was injected in the leg, N, in the phase of the spectra's
-    /// means.
+    /// Spectrum of the injected force by line, with the window and the phase reference of
+    /// `spectra`.
     injected: Vec<Complex<f64>>,
 }
 
-/// Measures the plant, and with the loop closed its sensitivity, and lays them
-/// over those of `study` under `table`. `progress` is called after every window.
+/// Measures the plant, and with the loop closed also the sensitivity, and compares them
+/// with those of `study` with `table`. `progress` is called after each averaged period.
 ///
 /// # Errors
-/// Where the board does not let it, or runs something else.
+/// [`FrfError`] if the link fails, the board runs another table, its mode or its recorder
+/// does not allow the measurement, or a leg's force does not contain the multisine.
 pub fn measure(
     client: &mut Client,
     study: &Study,
@@ -167,7 +171,7 @@ fn experiment(
     let period = settings.period;
     let mut legs = [0.0; LEGS];
     legs[leg] = settings.amplitude as f32;
-    // Long enough whatever the windows in between take; ended when they are done.
+    // Longer than all recordings take; it is ended after them.
     let injection = Injection {
         signal: multisine(period),
         legs,
@@ -189,19 +193,19 @@ fn experiment(
         let columns = transforms(table, &records, fft);
         for (line, spectrum) in spectra.iter_mut().enumerate() {
             let turns = (FIRST + APART * line as u32) as usize;
-            // Counted from the multisine's own start.
+            // Phase relative to the start of the multisine.
             let turn = -core::f64::consts::TAU * turns as f64 * phase as f64 / f64::from(period);
             let turn = Complex::cis(turn);
             spectrum.push(columns.iter().map(|c| c[turns] * turn).collect::<Vec<_>>());
         }
     }
-    // Nothing, in its place: the loop stays as it is.
+    // A zero signal replaces the multisine; the mode stays as it is.
     client.command(Request::Inject(Injection {
         legs: [0.0; LEGS],
         samples: 1,
         ..injection
     }))?;
-    // One period of what was injected.
+    // One period of the injected force.
     let mut injector = Injector::new(table, injection);
     let mut wave: Vec<Complex<f64>> = (0..period)
         .map(|_| {
@@ -221,8 +225,8 @@ fn experiment(
     Ok(there.then_some(Experiment { spectra, injected }))
 }
 
-/// Hann's window: what is slow and strong, as the closed loop's forces are, does
-/// not leak into the lines, and no line into one two places on.
+/// Applies Hann's window: strong content at low frequency, as in the forces of the closed
+/// loop, does not leak into the lines, nor does a line leak into another line.
 fn windowed(column: &mut [Complex<f64>]) {
     let length = column.len() as f64;
     for (k, x) in column.iter_mut().enumerate() {
@@ -230,7 +234,7 @@ fn windowed(column: &mut [Complex<f64>]) {
     }
 }
 
-/// Of sensors, then forces, all in their units.
+/// Spectra of the sensors, then of the forces, in their units.
 fn transforms(
     table: &ValidTable,
     records: &[Record],
@@ -280,7 +284,7 @@ fn evaluate(
     let plant = &y * inverse;
     let z = study.plant().z(hz);
     let model = study.plant().response(hz).g22();
-    // The scatter of y − G·u, which is what Y·U⁻¹ is off by where both are noisy.
+    // The scatter of y − G·u: the error of Y·U⁻¹ where both are noisy.
     let scatter = DMatrix::from_fn(sensors, LEGS, |i, j| {
         let all = experiments[j].spectra[line].iter();
         let residual = |c: &Vec<Complex<f64>>| {
@@ -303,7 +307,8 @@ fn evaluate(
     let coherence = (0..LEGS)
         .map(|j| {
             let all = &experiments[j].spectra[line];
-            // Of the sensor that the leg moves most: others may answer nothing.
+            // Of the sensor with the highest coherence: others may not respond to this
+            // leg.
             (0..sensors)
                 .map(|i| {
                     let cross: Complex<f64> =

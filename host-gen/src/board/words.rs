@@ -4,24 +4,24 @@ use shared::LEGS;
 use shared::controller::Refusal;
 use shared::supervisor::Cause;
 
-/// A refusal in words.
+/// The reason of a refusal, as text that continues "the board refuses the request:".
 pub fn reason(refusal: Refusal) -> String {
     let words = match refusal {
-        Refusal::Table(error) => return format!("the table does not run there: {error}"),
+        Refusal::Table(error) => return format!("it cannot run the table: {error}"),
         Refusal::Memory => {
-            "it has no memory to keep a table, or that failed; the table before runs on"
+            "it has no memory to store a table, or writing failed; the previous table still runs"
         }
-        Refusal::Mode => "not in this mode; see host-gen link status",
-        Refusal::Range => "a number is outside its limits",
+        Refusal::Mode => "not allowed in this mode; see host-gen link status",
+        Refusal::Range => "a value is out of range",
         Refusal::Frame => "the frame was malformed",
-        Refusal::Version => "it speaks another version of the link",
-        Refusal::Session => "another program has begun a session",
-        Refusal::Replayed => "the frame was an old one",
+        Refusal::Version => "it uses another version of the link protocol",
+        Refusal::Session => "another program has started a session",
+        Refusal::Replayed => "the frame was a repeated, old one",
     };
     words.to_owned()
 }
 
-/// A cause in words.
+/// The cause of a fault, as text; sensors and legs are numbered from 1.
 pub fn cause(cause: Cause) -> String {
     let named = |mask: u16| {
         let of = |i: u32| {
@@ -35,29 +35,29 @@ pub fn cause(cause: Cause) -> String {
         set.map(of).collect::<Vec<_>>().join(", ")
     };
     match cause {
-        Cause::Table => "the table is not what it was when it was made".to_owned(),
+        Cause::Table => "the table has changed in memory".to_owned(),
         Cause::Rail(mask) => format!("at an end of the ADC's range: {}", named(mask)),
         Cause::Stuck(mask) => format!("the same code for too long: {}", named(mask)),
         Cause::Implausible(mask) => {
             format!(
-                "moves far more or far less than the others: {}",
+                "moves much more or much less than the others: {}",
                 named(mask)
             )
         }
         Cause::TestSensors(mask) => {
-            format!("does not answer as the model says: {}", named(mask))
+            format!("does not respond as the model predicts: {}", named(mask))
         }
         Cause::TestLegs(mask) => {
             let legs = (0..LEGS).filter(|i| mask >> i & 1 != 0);
             let legs: Vec<_> = legs.map(|i| format!("leg {}", i + 1)).collect();
-            format!("does not push as the model says: {}", legs.join(", "))
+            format!("does not push as the model predicts: {}", legs.join(", "))
         }
-        Cause::Lost => "samples were not read".to_owned(),
+        Cause::Lost => "samples were lost".to_owned(),
         Cause::Late => "deadlines were missed".to_owned(),
         Cause::NotFinite => "a force was not a finite number".to_owned(),
         Cause::Saturated => "the legs were at their limits for too long".to_owned(),
-        Cause::Diverging => "the forces grew and grew".to_owned(),
-        Cause::Silent => "nobody was heard on the link".to_owned(),
-        Cause::Erratic(mask) => format!("jumps there and back: {}", named(mask)),
+        Cause::Diverging => "the forces kept growing".to_owned(),
+        Cause::Silent => "no message on the link for too long".to_owned(),
+        Cause::Erratic(mask) => format!("jumps for single samples: {}", named(mask)),
     }
 }

@@ -1,9 +1,8 @@
-//! Results of searches, kept in a folder.
+//! A cache of search results: a folder with one file for each search.
 //!
-//! An entry holds what a search found, not what follows from it: whoever takes a
-//! shaping from here verifies it as if the search had just found it. An entry that is
-//! damaged, or belongs to another machine or another version of this program, is
-//! ignored.
+//! An entry holds only the shaping that a search found. The shaping is verified again
+//! when it is read, as if the search had just found it. An entry that is damaged, or that
+//! belongs to another machine or another version of this program, is ignored.
 
 use std::fs;
 use std::io::Write as _;
@@ -16,30 +15,30 @@ use super::outcome::{Advice, Shaping};
 use super::reach::Effort;
 use crate::machine::Machine;
 
-/// A folder of results.
+/// A folder with the results of searches.
 #[derive(Clone, Debug)]
 pub struct Cache {
     folder: PathBuf,
 }
 
-/// What a search found.
+/// The result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Outcome {
+pub(super) enum SearchOutcome {
     /// A shaping that reaches the target.
     Found(Shaping),
-    /// That none does, why, and what to change.
+    /// No shaping was found that reaches the target: the reason, and what to change.
     Unreachable { reason: String, advice: Advice },
 }
 
-/// Everything that a search reads, as a digest.
+/// SHA-256 over everything that a search reads, hexadecimal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Key(String);
 
 #[derive(Serialize, Deserialize)]
-struct Entry {
+struct CacheEntry {
     key: String,
-    outcome: Outcome,
+    outcome: SearchOutcome,
 }
 
 impl Key {
@@ -60,7 +59,7 @@ fn hexadecimal(bytes: &[u8]) -> String {
 }
 
 impl Cache {
-    /// Results in `folder`, which is made when the first one is kept.
+    /// A cache in `folder`. The folder is created with the first entry.
     pub fn at(folder: impl Into<PathBuf>) -> Self {
         Self {
             folder: folder.into(),
@@ -71,21 +70,21 @@ impl Cache {
         self.folder.join(&key.0).with_extension("json")
     }
 
-    /// What was found for `key`, if it is here and whole.
-    pub(super) fn read(&self, key: &Key) -> Option<Outcome> {
+    /// The result stored for `key`; none if there is no entry or it is damaged.
+    pub(super) fn read(&self, key: &Key) -> Option<SearchOutcome> {
         let text = fs::read_to_string(self.path(key)).ok()?;
         let (checksum, json) = text.split_once('\n')?;
         if checksum != hexadecimal(json.as_bytes()) {
             return None;
         }
-        let entry: Entry = serde_json::from_str(json).ok()?;
+        let entry: CacheEntry = serde_json::from_str(json).ok()?;
         (entry.key == key.0).then_some(entry.outcome)
     }
 
-    /// Keeps what was found. Where that is not possible the next search is made again:
-    /// no error.
-    pub(super) fn write(&self, key: &Key, outcome: Outcome) {
-        let entry = Entry {
+    /// Stores a result. A failure to write is not an error: then the same search is made
+    /// again the next time.
+    pub(super) fn write(&self, key: &Key, outcome: SearchOutcome) {
+        let entry = CacheEntry {
             key: key.0.clone(),
             outcome,
         };
@@ -95,7 +94,8 @@ impl Cache {
     }
 }
 
-/// Another process may read or write the same entry: it is there whole or not at all.
+/// Writes a temporary file and renames it: another process that reads the entry sees all
+/// of it or nothing.
 fn write_whole(folder: &Path, path: &Path, text: &str) -> std::io::Result<()> {
     fs::create_dir_all(folder)?;
     let mut file = tempfile::NamedTempFile::new_in(folder)?;

@@ -1,4 +1,4 @@
-//! Which controller is best, and why a target cannot be reached.
+//! The search for the best controller, and the reasons why a target is not reached.
 
 use rayon::prelude::*;
 
@@ -16,36 +16,38 @@ pub use outcome::{Band, Design, DesignError, Shaping, StudyError};
 pub use reach::Effort;
 pub use study::Study;
 
-use cache::{Key, Outcome};
+use cache::{Key, SearchOutcome};
 
 use crate::control::Shape;
 use crate::machine::{Machine, MachineError};
 use crate::progress::Progress;
 
-/// How to find a design.
+/// Settings of the search for a design.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
     /// How long to search.
     pub effort: Effort,
-    /// Where results are kept, if they are.
+    /// Cache of results; none to search every time.
     pub cache: Option<&'a Cache>,
-    /// Told of every trial.
+    /// Called after every trial.
     pub progress: &'a dyn Progress,
 }
 
 impl Search<'_> {
-    /// To the end, keeping nothing, silently.
+    /// A full search, without cache and without progress.
     pub const FULL: Self = Self {
         effort: Effort::Full,
         cache: None,
         progress: &(),
     };
 
-    /// The best design for a study's target; with shapes in the machine's file, the
-    /// design that these make.
+    /// The best design found for a study's target. If the machine's file gives the
+    /// shapes, nothing is searched: the design has these shapes, verified in the same
+    /// way.
     ///
     /// # Errors
-    /// Where no shaping reaches the target, with the nearest frequency that one does.
+    /// [`DesignError::Unreachable`] if no shaping was found that reaches the target;
+    /// other errors if the board's parameters give no valid table or a computation fails.
     pub fn design(&self, study: &Study) -> Result<Design, DesignError> {
         let machine = study.machine();
         if let Some(shapes) = &machine.shapes {
@@ -57,22 +59,22 @@ impl Search<'_> {
         };
         let key = Key::new(machine, self.effort);
         match cache.read(&key) {
-            Some(Outcome::Found(shaping)) => {
+            Some(SearchOutcome::Found(shaping)) => {
                 if let Ok(design) = reach::verify(study, self.effort, &shaping) {
                     return Ok(design);
                 }
             }
-            Some(Outcome::Unreachable { reason, advice }) => {
+            Some(SearchOutcome::Unreachable { reason, advice }) => {
                 return Err(reach::unreachable(&machine.target, reason, advice));
             }
             None => {}
         }
         let result = reach::search(study, self.effort, self.progress);
         match &result {
-            Ok(design) => cache.write(&key, Outcome::Found(design.shaping.clone())),
+            Ok(design) => cache.write(&key, SearchOutcome::Found(design.shaping.clone())),
             Err(DesignError::Unreachable { reason, advice, .. }) => {
                 let (reason, advice) = (reason.clone(), *advice);
-                cache.write(&key, Outcome::Unreachable { reason, advice });
+                cache.write(&key, SearchOutcome::Unreachable { reason, advice });
             }
             Err(_) => {}
         }
@@ -85,7 +87,7 @@ impl Search<'_> {
 pub struct DesignedStudy {
     /// The study.
     pub study: Study,
-    /// Its design, or why there is none.
+    /// The design, or the text of the error.
     pub design: Result<Design, String>,
 }
 
@@ -99,11 +101,11 @@ impl DesignedStudy {
         }
     }
 
-    /// A machine once with each kind of feedback that it has sensors for, and with
-    /// both at once, as [`Machine::by_feedback`].
+    /// Designs for each kind of feedback that the machine has sensors for: acceleration,
+    /// force and both, in the order of [`Machine::by_feedback`].
     ///
     /// # Errors
-    /// As [`Study::new`].
+    /// [`MachineError`] if a machine gives no valid model.
     pub fn by_feedback(machine: &Machine, search: &Search<'_>) -> Result<Vec<Self>, MachineError> {
         Self::all(machine.by_feedback(), search)
     }
@@ -111,7 +113,7 @@ impl DesignedStudy {
     /// Designs for several machines, in parallel.
     ///
     /// # Errors
-    /// As [`Study::new`].
+    /// [`MachineError`] if a machine gives no valid model.
     pub fn all(machines: Vec<Machine>, search: &Search<'_>) -> Result<Vec<Self>, MachineError> {
         machines
             .into_par_iter()

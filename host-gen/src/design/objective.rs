@@ -1,8 +1,8 @@
-//! What the search for shapes makes small, under what constraints.
+//! Objective and constraints of the search for shapes.
 //!
-//! The sampled loop, in modal coordinates, must be stable with a peak sensitivity
-//! within the bound and must isolate above the corner; among such loops the one
-//! with the lowest performance over the machine's bands is the best.
+//! The sampled loop, in modal coordinates, must be stable with a peak sensitivity within
+//! the bound and must isolate above the corner; among such loops, the one with the lowest
+//! level of the performance outputs in the machine's bands is the best.
 
 use core::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
 use core::ops::Range;
@@ -27,9 +27,9 @@ use crate::plant::{Gain, SampledPlant};
 /// The loop at one frequency, in modal coordinates.
 struct LoopPoint {
     z: Complex<f64>,
-    /// T_in·G22·T_out of the sensors that every channel takes.
+    /// T_in·G22·T_out for the sensors that every channel uses.
     plant: ComplexMatrix6,
-    /// The same of the force sensors that complement accelerometers.
+    /// T_in·G22·T_out for the force sensors that complement the accelerometers.
     complement: Option<ComplexMatrix6>,
 }
 
@@ -68,7 +68,7 @@ struct OutputPoint {
     from_modes: Gain,
 }
 
-/// Points whose performance counts, and its 0 dB reference.
+/// The points of one band, and the 0 dB reference of its level.
 struct BandPoints {
     points: Vec<OutputPoint>,
     reference_db: f64,
@@ -90,18 +90,18 @@ pub(super) struct Objective<'a> {
     output_inverse: ComplexMatrix6,
 }
 
-/// The level of a loop that just misses the isolation asked for: worse than any
-/// level in dB.
+/// The level of a loop that just misses the required isolation: above any level in dB.
 pub(super) const MISSED: f64 = 1e4 * FRAC_1_SQRT_2;
 
-/// The bound is kept this far, for peaks between the points of the grid.
+/// The part of the sensitivity bound that is used: a peak between two points of the grid
+/// may be higher.
 const MARGIN: f64 = 0.995;
 
 impl<'a> Objective<'a> {
-    /// For `target`. `reference_db` are the 0 dB of σ_max(G11), one for each
-    /// band of the machine; above `isolation` Hz the whole must not follow the
-    /// floor. `sharp` are peaks, as Hz and half width, that a fast loop may have
-    /// in addition to those of the plant.
+    /// The objective for `target`. `reference_db`: the 0 dB reference of σ_max(G11) for
+    /// each band of the machine, dB. `isolation`: the frequency above which the machine
+    /// as a whole must be isolated from the floor, Hz. `sharp`: frequency and half width,
+    /// Hz, of peaks that a fast loop may have in addition to those of the plant.
     pub(super) fn new(
         machine: &'a Machine,
         model: &'a DesignModel,
@@ -115,7 +115,7 @@ impl<'a> Objective<'a> {
         let input = transform.input.map(Complex::from);
         let output = transform.output.map(Complex::from);
         let complement = transform.beside.map(|input| input.map(Complex::from));
-        // A kind's six rows of a gain to the sensors.
+        // The six rows of one kind of sensors.
         let of_kind = |gain: &Gain, input: ComplexMatrix6, first: usize| -> ComplexMatrix6 {
             input * gain.fixed_rows::<LEGS>(first)
         };
@@ -152,7 +152,7 @@ impl<'a> Objective<'a> {
         let [_, high] = isolation_band(model, target.frequency);
         let performance = seen(plant.plant.performance(), ComplexMatrix6::identity());
         let bands = match target.minimise {
-            // Without bands, where the machine is to be quiet at all.
+            // Without bands: all frequencies at which the machine must isolate.
             Minimise::Peaks if machine.bands.is_empty() => {
                 vec![BandPoints {
                     points: performance(grid(isolation, high.max(2.0 * isolation), 120, &peaks)),
@@ -202,8 +202,9 @@ impl<'a> Objective<'a> {
         self.target.feedback == Feedback::Both
     }
 
-    /// dB over the references, or [`MISSED`] and more where the loop does not isolate
-    /// above the corner; none where it is not stable within the bound.
+    /// The level to minimise, dB relative to the references. [`MISSED`] or more if the
+    /// loop does not isolate above the corner; none if the loop is unstable or exceeds
+    /// the sensitivity bound.
     pub(super) fn level(&self, shapes: &[Shape; LEGS]) -> Option<f64> {
         let period = self.machine.board.period();
         let channels = table::channels(self.model, &self.target, shapes, period);
@@ -216,7 +217,7 @@ impl<'a> Objective<'a> {
                 .each_ref()
                 .map(|channel| channel_response(channel, Shape::SECTIONS, leak, z));
             if self.both() {
-                // AC coupling is the accelerometers' alone.
+                // Only accelerometers have AC coupling.
                 let parts = |c: Option<f64>| {
                     let low = low_pass(c.unwrap_or(1.0), z);
                     [high_pass * low, 1.0 - low]
@@ -243,7 +244,7 @@ impl<'a> Objective<'a> {
                     ELSEWHERE * bound,
                 )
         };
-        // A few first: most candidates fail there.
+        // A few points first: most candidates fail there already.
         let inside = self.loops.iter().step_by(9).all(within)
             && self.loops.par_iter().with_min_len(64).all(within);
         if !inside {
@@ -257,7 +258,7 @@ impl<'a> Objective<'a> {
             .with_min_len(64)
             .map(|point| point.return_difference(&at(point.z)).determinant())
             .collect();
-        // It begins at 1: AC coupling leaves nothing of the loop at z = 1.
+        // The determinant starts at 1: AC coupling makes the loop gain zero at z = 1.
         let mut before = Complex::ONE;
         let mut turned = 0.0;
         for determinant in determinants {
@@ -325,7 +326,7 @@ impl OutputPoint {
 }
 
 impl BandPoints {
-    /// dB over the reference.
+    /// The level of the band, dB relative to its reference.
     fn level(&self, minimise: Minimise, at: impl Fn(Complex<f64>) -> ChannelGains + Sync) -> f64 {
         // The Frobenius norm is between σ_max and √6 times it, smooth, and a
         // fraction of the work.
@@ -336,8 +337,8 @@ impl BandPoints {
             .map(|seen| seen.closed(&at(seen.point.z)).norm())
             .collect();
         let squares = match minimise {
-            // Half of it the highest point, half the mean over the grid, which
-            // also feels what is not the highest.
+            // The geometric mean of the highest square and the mean square over the grid:
+            // the mean also falls when a lower point falls.
             Minimise::Peaks => {
                 let highest = all.iter().copied().fold(0.0, f64::max);
                 let mean = all.iter().map(|x| x * x).sum::<f64>() / all.len() as f64;

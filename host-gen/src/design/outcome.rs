@@ -1,4 +1,4 @@
-//! What a design is, and why there is none.
+//! A design, and the errors when there is none.
 
 use serde::{Deserialize, Serialize};
 use shared::LEGS;
@@ -9,7 +9,7 @@ use crate::control::Shape;
 use crate::machine::MachineError;
 use crate::numeric::NumericError;
 
-/// What rolls the loop off.
+/// How the loop gain rolls off above the crossover.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shaping {
@@ -31,7 +31,7 @@ pub struct Design {
     /// The table that a board runs.
     #[serde(skip)]
     pub table: ValidTable,
-    /// What rolls the loop off.
+    /// How the loop gain rolls off above the crossover.
     pub shaping: Shaping,
     /// Corner of the AC coupling, second order, Hz.
     pub ac_coupling_hz: f64,
@@ -41,17 +41,18 @@ pub struct Design {
     pub peak_sensitivity: PeakSensitivity,
     /// The same controller on randomly perturbed machines; with the modal law only.
     pub drawn: Option<PerturbedSet>,
-    /// The frequency above which the machine does not follow the floor under the
-    /// ideal law, Hz.
+    /// Frequency above which the machine as a whole is isolated from the floor
+    /// (transmissibility below 1/√2) with the ideal law, Hz.
     pub isolation_from_ideal_hz: f64,
-    /// The frequency above which the machine does not follow the floor under the
-    /// table, Hz.
+    /// Frequency above which the machine as a whole is isolated from the floor
+    /// (transmissibility below 1/√2) with the table, Hz.
     pub isolation_from_hz: f64,
     /// Real part of the slowest pole of the sampled loop, 1/s; negative.
     pub slowest_decay: f64,
-    /// Whether the loop is stable at each of 25 gains of the soft start.
+    /// Whether the loop is stable at each of 25 gains of the soft start, from the
+    /// smallest to 1.
     pub soft_start: bool,
-    /// Peaks of σ_max(G11) by band.
+    /// Highest σ_max(G11) in each band of the machine.
     pub bands: Vec<Band>,
 }
 
@@ -62,63 +63,64 @@ pub struct PerturbedSet {
     pub samples: usize,
     /// Number of machines on which the loop is stable.
     pub stable: usize,
-    /// Highest peak sensitivity of the stable ones, as
-    /// [`PeakSensitivity::bounded`].
+    /// Highest peak sensitivity of the stable loops, as [`PeakSensitivity::bounded`].
     pub peak_sensitivity: f64,
 }
 
 /// The highest peak of σ_max(G11) in a band.
 #[derive(Clone, Debug, Serialize)]
 pub struct Band {
-    /// Name.
+    /// Name of the band.
     pub name: String,
-    /// Hz.
+    /// Lower end of the band, Hz.
     pub low_hz: f64,
-    /// Hz.
+    /// Upper end of the band, Hz.
     pub high_hz: f64,
-    /// Without control, dB.
+    /// Highest σ_max(G11) without control, dB.
     pub open_db: f64,
-    /// Under the unsampled, undelayed law, dB; not a number where that loop is
-    /// unstable.
+    /// Highest σ_max(G11) with the ideal law, without sampling and delay, dB; NaN if that
+    /// loop is unstable.
     pub ideal_db: f64,
-    /// As sampled on the board, dB.
+    /// Highest σ_max(G11) with the sampled, delayed law of the board, dB.
     pub sampled_db: f64,
 }
 
-/// Why there is no design.
+/// Errors of the search for a design.
 #[derive(Debug, thiserror::Error)]
 pub enum DesignError {
-    /// The board's numbers make no valid table.
-    #[error("the board's numbers make no valid table: {0}")]
+    /// The board's parameters give no valid table.
+    #[error("the board's parameters give no valid table: {0}")]
     Table(#[from] TableError),
     /// No shaping was found that reaches the target.
     #[error(
-        "the target of {asked:.3} Hz with damping {damping} cannot be reached on this board: {reason}. {advice}"
+        "no controller was found that reaches the target of {asked:.3} Hz with damping {damping} on this board: {reason}. {advice}"
     )]
     Unreachable {
-        /// ω_n/2π, Hz.
+        /// Target suspension frequency ω_n/2π, Hz.
         asked: f64,
-        /// ζ_n.
+        /// Target relative damping ζ_n.
         damping: f64,
-        /// What prevents it.
+        /// The reason, without a full stop.
         reason: String,
-        /// What to change.
+        /// Advice on what to change.
         advice: Advice,
     },
-    /// A computation has no result.
+    /// A numerical computation failed.
     #[error(transparent)]
     Numeric(#[from] NumericError),
 }
 
-/// What can be done about a target that is not reached.
+/// Advice for a target that is not reached.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Advice {
-    /// The nearest target frequency that is reached with the same damping, Hz.
+    /// The lowest higher target frequency found that is reached with the same damping,
+    /// Hz.
     Nearest(f64),
-    /// No frequency below the highest suspension mode is reached.
+    /// No frequency up to the highest suspension mode was found that is reached with this
+    /// damping.
     NoFrequency,
-    /// The shapes come from the file; nothing was searched.
+    /// The shapes come from the machine's file; nothing was searched.
     OtherShapes,
 }
 
@@ -127,25 +129,25 @@ impl core::fmt::Display for Advice {
         match self {
             Self::Nearest(hz) => write!(
                 f,
-                "Nearest that can, with the same damping: control.frequency = {hz}. A shorter delay (board.sample_rate, conversion_delay, output_delay) or a higher control.max_sensitivity also helps"
+                "The nearest frequency found that can be reached with the same damping: control.frequency = {hz}. A shorter delay (board.sample_rate, conversion_delay, output_delay) or a higher control.max_sensitivity also helps"
             ),
             Self::NoFrequency => f.write_str(
-                "No frequency below the suspension modes can be reached with this damping: shorten the delay (board.sample_rate, conversion_delay, output_delay) or raise control.max_sensitivity",
+                "No frequency up to the highest suspension mode was found that can be reached with this damping. Shorten the delay (board.sample_rate, conversion_delay, output_delay) or raise control.max_sensitivity",
             ),
             Self::OtherShapes => f.write_str(
-                "Change control.shapes, or remove them to have shapes searched",
+                "Change control.shapes, or remove it to search for shapes",
             ),
         }
     }
 }
 
-/// Why a machine has no study, or its loop no design.
+/// Errors of a machine's model and of its design.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    /// The machine makes no model.
+    /// The machine gives no valid model.
     #[error(transparent)]
     Machine(#[from] MachineError),
-    /// The loop has no design.
+    /// No design was found, or a computation failed.
     #[error(transparent)]
     Design(#[from] DesignError),
 }

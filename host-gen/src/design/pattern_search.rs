@@ -1,8 +1,8 @@
 //! A Hooke–Jeeves pattern search for the shapes of the modal law.
 //!
-//! The corners and dampings of all shapes lie on a fixed lattice, evenly spaced in
-//! the logarithm, and the search moves from point to point. So it ends at the same
-//! shapes on every processor, whatever the last bits of its sums.
+//! The corners and dampings of all shapes lie on a fixed lattice, evenly spaced in the
+//! logarithm, and the search moves from point to point. So it ends at the same shapes on
+//! every processor, even if its sums differ in the last bits.
 
 use core::cell::Cell;
 use core::f64::consts::TAU;
@@ -17,7 +17,7 @@ use crate::machine::{Machine, Target};
 use crate::model::design_model::{DesignModel, alike};
 use crate::progress::Progress;
 
-/// Points of the lattice lie this far apart, in part of their value.
+/// Relative distance between neighbouring points of the lattice.
 const LATTICE: f64 = 0.02;
 
 /// Numbers of a shape on the lattice: three of its first section, four of its
@@ -27,16 +27,16 @@ const LAGS: usize = 3;
 const SECTIONS: usize = 7;
 const SPLIT: usize = 7;
 
-/// Splits to begin with, Hz.
+/// Initial split frequencies, Hz.
 const SPLITS: [f64; 5] = [5.0, 30.0, 120.0, 500.0, 2000.0];
 
-/// From one crossover that is tried to the next.
+/// Ratio of successive trial crossover frequencies.
 const SLOWER: f64 = 0.8;
 
 /// A shape as lattice numbers: hz or damping = exp(LATTICE·n).
-type Place = [i32; NUMBERS];
+type LatticePoint = [i32; NUMBERS];
 
-fn shape(place: &Place, both: bool) -> Shape {
+fn shape(place: &LatticePoint, both: bool) -> Shape {
     let [lag, second, zero, a, b, c, d, split] = place.map(|n| (LATTICE * f64::from(n)).exp());
     Shape {
         lags_hz: [lag, second],
@@ -52,13 +52,14 @@ fn nearest(value: f64) -> i32 {
     (value.ln() / LATTICE).round() as i32
 }
 
-/// A step that gains less, dB, is not taken.
+/// A step with a smaller improvement, dB, is not taken.
 const WORTH_IT: f64 = 0.01;
 
-/// The search ends after this many trials at the latest.
+/// Maximum number of trials of a full search.
 pub(super) const TRIALS: usize = 15_000;
 
-/// Enough to compare boards by: some dB from the best.
+/// Maximum number of trials of a rough search: some dB from the best, enough to compare
+/// boards.
 pub(super) const ROUGH_TRIALS: usize = 4_000;
 
 /// A search over the shapes of one machine's modes.
@@ -72,7 +73,7 @@ pub(super) struct PatternSearch<'a> {
 }
 
 impl<'a> PatternSearch<'a> {
-    /// Of the shapes that `objective` judges for `target`.
+    /// A search for the shapes that are best under `objective`.
     pub(super) fn new(
         machine: &'a Machine,
         model: &'a DesignModel,
@@ -92,7 +93,7 @@ impl<'a> PatternSearch<'a> {
         self.objective.both()
     }
 
-    fn shapes(&self, places: &[Place]) -> [Shape; LEGS] {
+    fn shapes(&self, places: &[LatticePoint]) -> [Shape; LEGS] {
         let both = self.both();
         let mut shapes = [shape(&places[0], both); LEGS];
         for (group, place) in self.groups.iter().zip(places) {
@@ -101,12 +102,13 @@ impl<'a> PatternSearch<'a> {
         shapes
     }
 
-    fn level(&self, places: &[Place]) -> Option<f64> {
+    fn level(&self, places: &[LatticePoint]) -> Option<f64> {
         self.objective.level(&self.shapes(places))
     }
 
-    /// Goes to `to` if that is better; equal to rounding is not.
-    fn go(&self, places: &mut Vec<Place>, to: Vec<Place>, best: &mut f64) -> bool {
+    /// Moves to `to` if the level there is lower by at least [`WORTH_IT`]; returns
+    /// whether it moved.
+    fn go(&self, places: &mut Vec<LatticePoint>, to: Vec<LatticePoint>, best: &mut f64) -> bool {
         if !to.iter().all(|place| self.allowed(place)) {
             return false;
         }
@@ -120,9 +122,9 @@ impl<'a> PatternSearch<'a> {
         }
     }
 
-    /// The best shapes found; none if nothing is stable within the bound, or does
-    /// not isolate from near the corner. Ends after `most` trials at the latest;
-    /// `progress` is called after every one.
+    /// The best shapes found in at most `most` trials; none if no loop was found that is
+    /// stable within the bound and isolates from near the corner. `progress` is called
+    /// after every trial.
     pub(super) fn run(&self, most: usize, progress: &dyn Progress) -> Option<[Shape; LEGS]> {
         let (mut places, mut best) = self.start()?;
         let trials = Cell::new(0);
@@ -143,7 +145,7 @@ impl<'a> PatternSearch<'a> {
         (best < MISSED).then(|| self.shapes(&places))
     }
 
-    /// Whether a coarse search finds anything.
+    /// Whether a coarse search finds shapes that meet all constraints.
     pub(super) fn is_feasible(&self) -> bool {
         self.start().is_some_and(|(mut places, mut best)| {
             if best >= MISSED {
@@ -153,8 +155,8 @@ impl<'a> PatternSearch<'a> {
         })
     }
 
-    /// Coarse, one mode after the other.
-    fn scan(&self, places: &mut Vec<Place>, best: &mut f64, progress: &impl Fn() -> bool) {
+    /// Tries a coarse set of shapes, one mode after the other.
+    fn scan(&self, places: &mut Vec<LatticePoint>, best: &mut f64, progress: &impl Fn() -> bool) {
         for group in 0..places.len() {
             for mut place in self.coarse(group) {
                 place[SPLIT] = places[group][SPLIT];
@@ -166,10 +168,10 @@ impl<'a> PatternSearch<'a> {
         }
     }
 
-    /// The best of the loops that are alike in all modes: with a slope of −2
-    /// below the crossover, or with one lag for each mode or for all.
-    fn start(&self) -> Option<(Vec<Place>, f64)> {
-        let all = |place: &dyn Fn(usize) -> Place| -> Vec<Place> {
+    /// The best starting point, of loops with the same kind of shape in all modes: a
+    /// slope of −2 below the crossover, or one lag for each mode, or one lag for all.
+    fn start(&self) -> Option<(Vec<LatticePoint>, f64)> {
+        let all = |place: &dyn Fn(usize) -> LatticePoint| -> Vec<LatticePoint> {
             (0..self.groups.len()).map(place).collect()
         };
         let splits = if self.both() {
@@ -208,12 +210,12 @@ impl<'a> PatternSearch<'a> {
         self.model.hertz()[self.groups[group].start] / self.target.frequency
     }
 
-    /// No loop crosses over faster than the inverse of its delay, Hz.
+    /// Upper limit of the crossover frequency, from the delay, Hz.
     fn fastest(&self) -> f64 {
         1.0 / (TAU * self.machine.board.whole_delay())
     }
 
-    fn coarse(&self, group: usize) -> Vec<Place> {
+    fn coarse(&self, group: usize) -> Vec<LatticePoint> {
         let mut all = Vec::new();
         for n in 0..16 {
             let crossover = self.fastest() * SLOWER.powi(n);
@@ -228,33 +230,34 @@ impl<'a> PatternSearch<'a> {
 
     /// Two lags `split` times below and above their mean, a zero `apart` times
     /// below the crossover, Hz.
-    fn lags(&self, group: usize, crossover: f64, apart: f64, split: f64) -> Place {
+    fn lags(&self, group: usize, crossover: f64, apart: f64, split: f64) -> LatticePoint {
         let lag = crossover / (apart.sqrt() * self.root(group));
         self.place([lag * split, lag / split], crossover / apart)
     }
 
-    /// Lags and a zero, Hz, and a second section that does nothing.
-    fn place(&self, lags: [f64; 2], zero: f64) -> Place {
+    /// Lags and a zero, Hz, and a second section without effect.
+    fn place(&self, lags: [f64; 2], zero: f64) -> LatticePoint {
         let [a, b] = lags.map(nearest);
         let neutral = nearest(self.neutral());
         [a, b, nearest(zero), neutral, 0, neutral, 0, 0]
     }
 
-    /// Where what does nothing begins to be moved from, Hz.
+    /// Initial frequency of a section without effect, Hz.
     fn neutral(&self) -> f64 {
         0.25 * self.fastest()
     }
 
-    /// Moves of `step` in one number or two, group by group, until none helps.
+    /// Moves by `step` lattice points in one number or two, group by group, until no move
+    /// improves the level.
     fn settle(
         &self,
-        places: &mut Vec<Place>,
+        places: &mut Vec<LatticePoint>,
         best: &mut f64,
         numbers: &[usize],
         step: i32,
         progress: &impl Fn() -> bool,
     ) {
-        let mut moves: Vec<Place> = Vec::new();
+        let mut moves: Vec<LatticePoint> = Vec::new();
         for (k, &i) in numbers.iter().enumerate() {
             for a in [-1, 1] {
                 let mut one = [0; NUMBERS];
@@ -269,7 +272,7 @@ impl<'a> PatternSearch<'a> {
                 }
             }
         }
-        // Each group by itself, then all alike.
+        // Each group alone, then all groups together.
         let count = places.len();
         let parts: Vec<_> = (0..count)
             .map(|group| group..group + 1)
@@ -279,7 +282,7 @@ impl<'a> PatternSearch<'a> {
             let mut moved = false;
             for part in &parts {
                 for direction in &moves {
-                    // On as long as it helps.
+                    // Again as long as it helps.
                     loop {
                         let mut to = places.clone();
                         for place in &mut to[part.clone()] {
@@ -303,8 +306,8 @@ impl<'a> PatternSearch<'a> {
         }
     }
 
-    /// Corners that the board's sections can have.
-    fn allowed(&self, place: &Place) -> bool {
+    /// Whether the board's sections can have these corners and dampings.
+    fn allowed(&self, place: &LatticePoint) -> bool {
         let shape = shape(place, self.both());
         let highest = 0.4 * self.machine.board.sample_rate;
         let lowest = 1e-3 * self.target.frequency;

@@ -1,4 +1,5 @@
-//! Whether a target is reached, by which shaping, and if not, the nearest that is.
+//! Whether a target is reached, and by which shaping; if not, the nearest frequency found
+//! that is reached.
 
 use core::f64::consts::SQRT_2;
 
@@ -32,9 +33,9 @@ pub const CORNER_SLACK: f64 = SQRT_2;
 /// How long to search for the shapes of the modal law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Effort {
-    /// To the end, and verified on randomly perturbed machines.
+    /// The full search; the result is verified on randomly perturbed machines.
     Full,
-    /// A few seconds, to compare boards.
+    /// A search of a few seconds, to compare boards.
     Rough,
 }
 
@@ -59,7 +60,8 @@ struct Found {
 /// Searches for the best shaping of a study's loop.
 ///
 /// # Errors
-/// Where no shaping reaches the target, with the nearest frequency that one does.
+/// [`DesignError::Unreachable`] if no shaping was found that reaches the target, with the
+/// nearest frequency found that is reached.
 pub(super) fn search(
     study: &Study,
     effort: Effort,
@@ -83,7 +85,7 @@ pub(super) fn search(
 /// Verifies a shaping on a study's loop as if the search had found it.
 ///
 /// # Errors
-/// Where the loop misses the target.
+/// [`DesignError::Unreachable`] if the loop misses the target.
 pub(super) fn verify(
     study: &Study,
     effort: Effort,
@@ -107,7 +109,7 @@ pub(super) fn verify(
     }
 }
 
-/// `target` is not reached.
+/// The error of a `target` that is not reached.
 pub(super) fn unreachable(target: &Target, reason: String, advice: Advice) -> DesignError {
     DesignError::Unreachable {
         asked: target.frequency,
@@ -143,14 +145,14 @@ impl Reach<'_> {
                 "the best loop found with {delay:.0} µs of delay isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz"
             ),
             Miss::Unstable => format!(
-                "with {delay:.0} µs of delay no shaping was found that keeps the sampled loop stable with a peak sensitivity of {} and isolating from near its corner",
+                "with {delay:.0} µs of delay, no shaping was found that gives a stable sampled loop with a peak sensitivity of at most {} and isolation from near the corner of the ideal loop",
                 target.max_sensitivity
             ),
         };
         if target.feedback != Feedback::Both {
             let plant = &self.study.plant().plant.state_space;
             if grow(&transmission_zeros(plant, target.feedback)?) {
-                reason += ", and no gain can: what its sensors leave free is unstable under gravity (host-gen zeros); stiffen the legs sideways";
+                reason += ", and no gain can stabilise it: with the sensor outputs held at zero, the machine is unstable under gravity (see host-gen zeros); make the legs stiffer sideways";
             }
         }
         Ok(reason)
@@ -172,7 +174,8 @@ impl Reach<'_> {
         })
     }
 
-    /// The zeros as peaks: a fast loop moves its poles near them.
+    /// The transmission zeros as peaks, frequency and half width, Hz: a fast loop moves
+    /// its poles close to them.
     fn sharp(&self, target: Target) -> Result<Vec<(f64, f64)>, NumericError> {
         let state_space = &self.study.plant().plant.state_space;
         let zeros = transmission_zeros(state_space, target.feedback)?;

@@ -12,8 +12,8 @@ use crate::closed_loop::{LoopGrid, PeakSensitivity, stable};
 use crate::control::{Gains, LinearLaw, table};
 use crate::machine::Target;
 
-/// A roll-off below this part of the target frequency leaves nothing of the
-/// law.
+/// Lowest corner, as a part of the target frequency: with a lower one the law has no
+/// effect.
 const LOWEST: f64 = 0.02;
 
 /// The loop with a roll-off at `hz`, if it is stable and its sensitivity
@@ -27,7 +27,7 @@ fn try_corner(
 ) -> Result<Option<Trial>, Miss> {
     let table = table::direct(study.machine(), study.plant(), target, gains, hz)?;
     let closed_loop = closed(study, &table);
-    // The bound first: it is much the cheaper.
+    // The bound first: it takes much less time.
     if !loops.within(&closed_loop.law, target.max_sensitivity) {
         return Ok(None);
     }
@@ -40,8 +40,8 @@ fn try_corner(
     }))
 }
 
-/// Scans down for the first corner that holds, bisects up from it, and
-/// rounds.
+/// Scans down to the first corner that keeps the loop stable within the bound, bisects up
+/// from it, and rounds down.
 pub(super) fn highest_corner(
     study: &Study,
     target: &Target,
@@ -66,8 +66,7 @@ pub(super) fn highest_corner(
             above = middle;
         }
     }
-    // The grid may miss the very top of a peak; one or two steps down
-    // make up for that.
+    // The grid may miss the top of a peak; then one or two steps down follow.
     let mut corner = round_down(below);
     while corner > LOWEST * target.frequency {
         if let Some(trial) = holds(corner)? {
@@ -81,8 +80,8 @@ pub(super) fn highest_corner(
     Err(Miss::Unstable)
 }
 
-/// Three significant digits, downward: the table then does not hang on the
-/// last bits of a search.
+/// Three significant digits, rounded down: then the table does not depend on the last
+/// bits of the search.
 fn round_down(x: f64) -> f64 {
     let unit = 10f64.powf(x.log10().floor() - 2.0);
     nearest_decimal((x / unit).floor() * unit)

@@ -9,7 +9,7 @@ use crate::plant::{Plant, SampledPlant};
 
 /// A machine with its model, its design model, its ideal gains and its plant.
 ///
-/// Its parts cannot be changed apart from each other: they belong to one machine.
+/// The parts are private, so that they always belong to the same machine.
 #[derive(Clone, Debug)]
 pub struct Study {
     machine: Machine,
@@ -23,8 +23,8 @@ impl Study {
     /// Models `machine`, and samples it with the timing of its board.
     ///
     /// # Errors
-    /// Where the arrangement of bodies, legs, sensors or floor inputs makes no model,
-    /// with the entry at fault.
+    /// [`MachineError`] with the entry at fault if bodies, legs, sensors or floor inputs
+    /// give no valid model.
     pub fn new(machine: Machine) -> Result<Self, MachineError> {
         let model = Multibody::new(&machine)?;
         let design_model = DesignModel::new(&machine, &model, machine.target.feedback)?;
@@ -40,11 +40,11 @@ impl Study {
         })
     }
 
-    /// The studies of accelerations and of forces fed back, of those for which a
-    /// machine has sensors.
+    /// One study with acceleration feedback and one with force feedback, as far as the
+    /// machine has the sensors.
     ///
     /// # Errors
-    /// As [`Study::new`].
+    /// [`MachineError`] with the entry at fault, as [`Study::new`].
     pub fn of_each_kind(machine: &Machine) -> Result<Vec<Self>, MachineError> {
         let kinds = [Feedback::Acceleration, Feedback::Force];
         let machines = kinds.map(|feedback| machine.with_feedback(feedback));
@@ -61,7 +61,8 @@ impl Study {
         &self.model
     }
 
-    /// All bodies as one on six legs: what the gains are computed from.
+    /// The design model: all bodies as one rigid body on six legs. The gains are computed
+    /// from it.
     pub fn design_model(&self) -> &DesignModel {
         &self.design_model
     }

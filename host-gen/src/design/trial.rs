@@ -1,4 +1,4 @@
-//! One shaping on the true loop, and why a target may be missed.
+//! One shaping verified on the sampled loop, and the reasons why a target is missed.
 
 use nalgebra::Complex;
 use shared::table::{TableError, ValidTable};
@@ -82,7 +82,7 @@ impl From<NumericError> for Miss {
     }
 }
 
-/// From one frequency to the next where frequencies are scanned.
+/// Ratio of successive frequencies of a scan.
 pub(super) const SCAN: f64 = 1.25;
 
 /// 1.3 for 1.3000000000000003.

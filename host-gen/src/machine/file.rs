@@ -417,8 +417,8 @@ pub struct ShapeEntry {
     pub notch: ResonanceEntry,
     /// Poles of the second section.
     pub notch_poles: ResonanceEntry,
-    /// Crossover frequency, Hz: accelerometers below it, force sensors above it. Above 0;
-    /// required if `feedback` is `"both"`, and not allowed otherwise.
+    /// Crossover frequency between the two kinds of sensors, Hz. Accelerometers act below it,
+    /// force sensors above it. Above 0; required if `feedback` is `"both"`, and not allowed otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split_hz: Option<f64>,
 }

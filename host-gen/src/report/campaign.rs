@@ -1,25 +1,25 @@
-//! What `host-gen campaign` has to say.
+//! The result of `host-gen campaign`.
 
 use serde::Serialize;
 
 use crate::analysis::digest;
 use crate::design::Study;
-use crate::simulate::faults::Outcome;
+use crate::simulate::faults::DefectOutcome;
 
-/// `host-gen campaign`.
+/// Result of `host-gen campaign`: one outcome for each case.
 #[derive(Debug, Serialize)]
 pub struct CampaignSummary {
     pub(crate) machine: String,
     model_sha256: String,
     pub(crate) feedback: &'static str,
-    /// From a fault to the safe codes, s.
+    /// Longest allowed time from a fault to the safe codes, s.
     pub(crate) bound: f64,
-    pub(crate) outcomes: Vec<Outcome>,
+    pub(crate) outcomes: Vec<DefectOutcome>,
 }
 
 impl CampaignSummary {
-    /// Of a study.
-    pub fn new(study: &Study, outcomes: Vec<Outcome>) -> Self {
+    /// The `outcomes` of a campaign with `study`.
+    pub fn new(study: &Study, outcomes: Vec<DefectOutcome>) -> Self {
         Self {
             machine: study.machine().name.clone(),
             model_sha256: digest(study.machine()),
@@ -29,8 +29,8 @@ impl CampaignSummary {
         }
     }
 
-    /// Whether all outputs stayed within limits and every fault ended safe within
-    /// its bound.
+    /// Whether in every case all outputs stayed within their limits and, after a fault,
+    /// the outputs reached the safe codes in time.
     pub fn is_safe(&self) -> bool {
         self.outcomes.iter().all(|o| o.inside && o.safe)
     }

@@ -1,28 +1,28 @@
-//! A chart: what it shows, for the page, for pictures and for tables of numbers.
+//! Charts as data, for the page, for pictures and for CSV files.
 
 use serde::Serialize;
 
-/// A chart.
+/// A chart: axes, series and marks.
 #[derive(Clone, Debug, Serialize)]
 pub struct Chart {
-    /// What it is called in file names and on the page; lower-case, hyphens.
+    /// Identifier in file names and on the page: lower-case letters and hyphens.
     pub id: &'static str,
-    /// Above it.
+    /// Title above the chart.
     pub title: String,
     /// What it shows and how to read it.
     pub note: String,
-    /// Across.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Up.
+    /// Vertical axis.
     pub y: Axis,
-    /// What is drawn.
+    /// The curves and sets of points.
     pub series: Vec<Series>,
-    /// Upright lines, each at an x, with a name: what begins there.
+    /// Vertical lines, each with its x and the name of what starts there.
     pub marks: Vec<(f64, String)>,
 }
 
 impl Chart {
-    /// Without marks.
+    /// A chart without marks; `x` and `y` are its axes.
     pub fn new(
         id: &'static str,
         title: impl Into<String>,
@@ -42,33 +42,33 @@ impl Chart {
     }
 }
 
-/// An axis.
+/// An axis of a chart.
 #[derive(Clone, Debug, Serialize)]
 pub struct Axis {
     /// Quantity and unit.
     pub label: String,
-    /// How values lie on it.
+    /// Linear or logarithmic scale.
     pub scale: Scale,
-    /// What is shown at first; all of it if not given.
+    /// Lowest and highest value shown at first; none to show all values.
     pub range: Option<[f64; 2]>,
-    /// Names of the values 0, 1, 2 and so on, in place of numbers.
+    /// Names shown in place of the numbers 0, 1, 2 and so on; empty to show numbers.
     pub names: Vec<String>,
 }
 
-/// How values lie on an axis.
+/// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scale {
-    /// Evenly.
+    /// Linear.
     Linear,
-    /// By their logarithm.
+    /// Logarithmic.
     Log,
-    /// Evenly, a unit as long as on the other axis.
+    /// Linear, with units of the same length on both axes.
     Equal,
 }
 
 impl Axis {
-    /// Evenly.
+    /// A linear axis that shows all values.
     pub fn linear(label: impl Into<String>) -> Self {
         Self {
             label: label.into(),
@@ -78,7 +78,7 @@ impl Axis {
         }
     }
 
-    /// By the logarithm.
+    /// A logarithmic axis that shows all values.
     pub fn log(label: impl Into<String>) -> Self {
         Self {
             scale: Scale::Log,
@@ -86,45 +86,45 @@ impl Axis {
         }
     }
 
-    /// The same, from one value to another at first.
+    /// This axis, with the values from `low` to `high` shown at first.
     pub fn from_to(mut self, low: f64, high: f64) -> Self {
         self.range = Some([low, high]);
         self
     }
 }
 
-/// Points that belong together.
+/// A curve or a set of points.
 #[derive(Clone, Debug, Serialize)]
 pub struct Series {
-    /// Name.
+    /// Name in the legend.
     pub name: String,
-    /// Six digits of each.
+    /// x of each point, rounded to six digits.
     pub x: Vec<f64>,
-    /// As many.
+    /// y of each point, rounded to six digits; as many as `x`.
     pub y: Vec<f64>,
-    /// How it is drawn.
+    /// Style of the line or the points.
     pub style: Style,
-    /// Which of the page's colours.
+    /// Colour, by meaning.
     pub colour: Colour,
-    /// Whether it is shown at first.
+    /// Whether the series is shown at first.
     pub shown: bool,
-    /// Whether machines are laid over each other by this one.
+    /// Whether charts that compare machines contain this series.
     pub main: bool,
-    /// What is said of each point; empty if nothing is.
+    /// A text for each point; empty for no texts.
     pub labels: Vec<String>,
 }
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Style {
-    /// Straight between the points.
+    /// A solid line through the points.
     Line,
-    /// The same, dashed.
+    /// A dashed line through the points.
     Dashed,
-    /// Thin and dotted: a limit.
+    /// A thin, dotted line: a limit.
     Limit,
-    /// Each point by itself.
+    /// Points without a line.
     Points,
 }
 
@@ -133,21 +133,21 @@ pub enum Style {
 pub enum Colour {
     /// Without control.
     Open,
-    /// Accelerations fed back, or the loop closed where only one is shown.
+    /// Acceleration feedback, or the closed loop where only one is shown.
     Acceleration,
-    /// Forces fed back.
+    /// Force feedback.
     Force,
-    /// Both.
+    /// Both kinds of feedback.
     Both,
     /// A limit.
     Limit,
-    /// The nth of many.
+    /// Number n of a list; the eight colours repeat.
     Nth(usize),
 }
 
 impl Colour {
-    /// Red, green, blue: those of Okabe and Ito, which colour-blind people tell
-    /// apart.
+    /// Red, green and blue, 0 to 255; most are from the palette of Okabe and Ito, which
+    /// colour-blind readers can tell apart.
     pub fn rgb(self) -> [u8; 3] {
         const MANY: [[u8; 3]; 8] = [
             [0, 114, 178],
@@ -179,7 +179,8 @@ impl Serialize for Colour {
 }
 
 impl Series {
-    /// A line that is shown.
+    /// A solid line through `points`, shown at first; coordinates are rounded to six
+    /// digits.
     pub fn line(
         name: impl Into<String>,
         colour: Colour,
@@ -201,38 +202,38 @@ impl Series {
         }
     }
 
-    /// The same in another style.
+    /// This series in another style.
     pub fn styled(mut self, style: Style) -> Self {
         self.style = style;
         self
     }
 
-    /// The same, which machines are laid over each other by.
+    /// This series, also in charts that compare machines.
     pub fn main(mut self) -> Self {
         self.main = true;
         self
     }
 
-    /// The same, at first not shown unless `shown`.
+    /// This series, shown at first only if `shown`.
     pub fn shown(mut self, shown: bool) -> Self {
         self.shown = shown;
         self
     }
 
-    /// The same with something said of each point.
+    /// This series with a text for each point.
     pub fn labelled(mut self, labels: Vec<String>) -> Self {
         self.labels = labels;
         self
     }
 }
 
-/// More than a picture shows or a reader wants.
+/// Rounds to six digits: more are not visible, and they make the page larger.
 fn six_digits(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
 }
 
-/// The charts of several machines, named, laid over each other: of every chart
-/// that all have, the main series.
+/// Charts that compare machines, each given with its name: for every chart that all
+/// machines have, one chart with the main series of all.
 pub fn laid_over(machines: &[(String, &[Chart])]) -> Vec<Chart> {
     let Some(((_, first), others)) = machines.split_first() else {
         return Vec::new();

@@ -1,18 +1,18 @@
 //! The charts of one machine.
 
-use nalgebra::Complex;
+use nalgebra::{Complex, DVector, Vector3};
 use rayon::prelude::*;
 use shared::LEGS;
 
 use super::chart::{Axis, Chart, Colour, Scale, Series, Style};
 use crate::analysis::criterion::{Criterion, third_centres};
 use crate::analysis::sigma::{LawKind, SigmaAnalysis};
-use crate::analysis::vibration::{Budget, SOURCES, Spectra};
+use crate::analysis::vibration::{NoiseBudget, SOURCES, Spectra};
 use crate::closed_loop::isolation::isolation_band;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, Study};
-use crate::machine::{Feedback, Machine};
+use crate::machine::{Beam, Carrier, Feedback, Machine};
 use crate::model::energy::{Kind, energies};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
@@ -38,7 +38,7 @@ fn colour(feedback: Feedback) -> Colour {
     }
 }
 
-/// A line straight across.
+/// A horizontal line.
 fn limit(name: impl Into<String>, from: f64, to: f64, y: f64) -> Series {
     Series::line(name, Colour::Limit, [(from, y), (to, y)]).styled(Style::Limit)
 }
@@ -70,7 +70,7 @@ pub fn sigma(sigma: &SigmaAnalysis, own: Feedback) -> Chart {
     )
 }
 
-/// How the machine as a whole follows the floor.
+/// Transmissibility from the floor to the machine as a whole.
 ///
 /// # Errors
 /// Where an eigenvalue iteration does not converge.
@@ -164,7 +164,7 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
         ),
     ];
     let mut nyquist = by_mode(&|_, l| (l.re, l.im));
-    // Round −1: where the sensitivity of one mode is at its bound.
+    // Around −1: on this circle the sensitivity of one mode is at its bound.
     let radius = 1.0 / target.max_sensitivity;
     let circle = (0..=72).map(|i| {
         let (sin, cos) = (f64::from(i) * core::f64::consts::TAU / 72.0).sin_cos();
@@ -247,8 +247,8 @@ pub fn frequencies(studies: &[DesignedStudy]) -> Result<Chart, NumericError> {
             series.push(points_of(what.clone(), colour(feedback), points, labels));
             names.push(what);
         };
-        // With both kinds each has its own zeros, and the ideal loop is the
-        // accelerations'.
+        // With both kinds of feedback, each kind has its own zeros, and the ideal loop is
+        // that of acceleration feedback.
         if feedback != Feedback::Both {
             let zeros = transmission_zeros(space, feedback)?;
             add(format!("{name}: zeros"), zeros);
@@ -291,8 +291,8 @@ fn points_of(
 
 /// Floor vibration: one-third octaves on the criteria, and the spectrum of the
 /// performance by source.
-pub fn vibration(floor: &str, [open, closed]: &[Budget; 2]) -> [Chart; 2] {
-    let thirds = |budget: &Budget| {
+pub fn vibration(floor: &str, [open, closed]: &[NoiseBudget; 2]) -> [Chart; 2] {
+    let thirds = |budget: &NoiseBudget| {
         let thirds = budget.thirds().into_iter();
         thirds
             .map(|(hz, velocity, _)| (hz, 1e6 * velocity))
@@ -313,7 +313,7 @@ pub fn vibration(floor: &str, [open, closed]: &[Budget; 2]) -> [Chart; 2] {
             .map(|i| sum(i).sqrt())
             .collect::<Vec<_>>()
     };
-    let total = |budget: &Budget| {
+    let total = |budget: &NoiseBudget| {
         let density = together(&budget.performance, &|powers| powers.iter().sum());
         budget.hz.iter().copied().zip(density).collect::<Vec<_>>()
     };
@@ -438,88 +438,29 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
     ]
 }
 
-/// The machine's beams seen from a corner, at rest and in each mode.
+/// The machine in an oblique view from above, m: at rest, then once for each mode. The
+/// numbers of points grow in proportion to the numbers of nodes and beams.
 pub fn drawings(study: &Study) -> Vec<Chart> {
     let machine = study.machine();
     let modes = study.model().modes();
-    // Turned about z, then seen from above: lengths are never longer than they are.
-    let seen = |p: nalgebra::Vector3<f64>| {
-        let (sin, cos) = 0.6_f64.sin_cos();
-        let (above, level) = 0.46_f64.sin_cos();
-        (
-            p.x * cos - p.y * sin,
-            above * (p.x * sin + p.y * cos) + level * p.z,
-        )
-    };
-    let size = machine
-        .nodes
-        .iter()
-        .flat_map(|a| machine.nodes.iter().map(|b| (a.at - b.at).norm()))
-        .fold(0.0, f64::max);
-    let beams = |shape: Option<nalgebra::DVector<f64>>| {
-        let moved: Vec<nalgebra::Vector3<f64>> = (0..machine.nodes.len())
-            .map(|node| match &shape {
-                Some(shape) => study.model().translation(machine, node, shape),
-                None => nalgebra::Vector3::zeros(),
-            })
-            .collect();
-        let largest = moved.iter().map(|v| v.norm()).fold(0.0, f64::max);
-        let scale = if largest > 0.0 {
-            0.12 * size / largest
-        } else {
-            0.0
-        };
-        let at = |node: usize| seen(machine.nodes[node].at + moved[node] * scale);
-        // Not a number between beams: the line breaks there.
-        let beam = |ends: &[usize; 2]| [at(ends[0]), at(ends[1]), (f64::NAN, f64::NAN)];
-        let legs = machine
-            .actuators
-            .iter()
-            .map(|leg| &machine.beams[*leg].ends);
-        let others = machine.beams.iter().enumerate();
-        let others = others
-            .filter(|(i, _)| !machine.actuators.contains(i))
-            .map(|(_, other)| &other.ends);
-        // Every body as its nodes joined to each other.
-        let mut bodies = Vec::new();
-        for body in 0..machine.bodies.len() {
-            let carrier = crate::machine::Carrier::Body(body);
-            let own: Vec<usize> = (0..machine.nodes.len())
-                .filter(|node| machine.nodes[*node].carrier == carrier)
-                .collect();
-            for (i, a) in own.iter().enumerate() {
-                bodies.extend(own[i + 1..].iter().flat_map(|b| beam(&[*a, *b])));
-            }
-        }
-        (
-            legs.flat_map(beam).collect::<Vec<_>>(),
-            others.flat_map(beam).collect::<Vec<_>>(),
-            bodies,
-        )
-    };
     let axis = || Axis {
         scale: Scale::Equal,
         ..Axis::linear("m")
     };
-    let (legs, others, bodies) = beams(None);
-    let drawn = |(legs, others, bodies): (Vec<_>, Vec<_>, Vec<_>)| {
-        vec![
-            Series::line("bodies", Colour::Nth(4), bodies),
-            Series::line("legs", Colour::Nth(1), legs),
-            Series::line("other beams", Colour::Nth(2), others),
-        ]
-    };
+    let at_rest = Drawing::new(study, None);
     let mut drawings = vec![Chart::new(
         "machine",
         format!("{}: legs, bodies, beams", machine.name),
-        "Oblique view from above.",
+        "Oblique view from above. A body is drawn as lines from its centre of gravity to its nodes.",
         [axis(), axis()],
-        drawn((legs.clone(), others.clone(), bodies)),
+        at_rest.series().into(),
     )];
+    let rest = [&at_rest.legs[..], &at_rest.others].concat();
     for (i, hz) in modes.hertz().into_iter().enumerate() {
-        let rest = [legs.clone(), others.clone()].concat();
-        let mut series = vec![Series::line("at rest", Colour::Open, rest).styled(Style::Dashed)];
-        series.extend(drawn(beams(Some(modes.shapes.column(i).into_owned()))));
+        let moved = Drawing::new(study, Some(&modes.shapes.column(i).into_owned()));
+        let mut series =
+            vec![Series::line("at rest", Colour::Open, rest.clone()).styled(Style::Dashed)];
+        series.extend(moved.series());
         drawings.push(Chart::new(
             "mode",
             format!("mode {}, {hz:.2} Hz", i + 1),
@@ -529,4 +470,83 @@ pub fn drawings(study: &Study) -> Vec<Chart> {
         ));
     }
     drawings
+}
+
+/// Line segments of a machine in the plane of the picture, m. After each segment stands
+/// a point that is not a number: the line breaks there.
+struct Drawing {
+    legs: Vec<(f64, f64)>,
+    others: Vec<(f64, f64)>,
+    bodies: Vec<(f64, f64)>,
+}
+
+impl Drawing {
+    /// The machine at rest, or moved along a mode shape.
+    fn new(study: &Study, shape: Option<&DVector<f64>>) -> Self {
+        let machine = study.machine();
+        let model = study.model();
+        let moved: Vec<Vector3<f64>> = (0..machine.nodes.len())
+            .map(|node| match shape {
+                Some(shape) => model.translation(machine, node, shape),
+                None => Vector3::zeros(),
+            })
+            .collect();
+        let largest = moved.iter().map(Vector3::norm).fold(0.0, f64::max);
+        let scale = if largest > 0.0 {
+            0.12 * size(machine) / largest
+        } else {
+            0.0
+        };
+        let node = |node: usize| oblique(machine.nodes[node].at + moved[node] * scale);
+        let cog = |body: usize| {
+            let motion = shape.map_or_else(Vector3::zeros, |shape| {
+                shape.fixed_rows::<3>(6 * body).into_owned()
+            });
+            oblique(machine.bodies[body].cog + motion * scale)
+        };
+        let segment = |from, to| [from, to, (f64::NAN, f64::NAN)];
+        let beam = |beam: &Beam| segment(node(beam.ends[0]), node(beam.ends[1]));
+        let others = machine.beams.iter().enumerate();
+        let others = others.filter(|(i, _)| !machine.actuators.contains(i));
+        let carried = machine.nodes.iter().enumerate();
+        let bodies = carried.filter_map(|(i, carried)| match carried.carrier {
+            Carrier::Base => None,
+            Carrier::Body(body) => Some(segment(cog(body), node(i))),
+        });
+        Self {
+            legs: machine
+                .actuators
+                .iter()
+                .flat_map(|leg| beam(&machine.beams[*leg]))
+                .collect(),
+            others: others.flat_map(|(_, other)| beam(other)).collect(),
+            bodies: bodies.flatten().collect(),
+        }
+    }
+
+    fn series(&self) -> [Series; 3] {
+        [
+            Series::line("bodies", Colour::Nth(4), self.bodies.iter().copied()),
+            Series::line("legs", Colour::Nth(1), self.legs.iter().copied()),
+            Series::line("other beams", Colour::Nth(2), self.others.iter().copied()),
+        ]
+    }
+}
+
+/// Turned about z, then seen from above: no length is drawn longer than it is.
+fn oblique(p: Vector3<f64>) -> (f64, f64) {
+    let (sin, cos) = 0.6_f64.sin_cos();
+    let (above, level) = 0.46_f64.sin_cos();
+    (
+        p.x * cos - p.y * sin,
+        above * (p.x * sin + p.y * cos) + level * p.z,
+    )
+}
+
+/// The diagonal of the box around all nodes, its sides along the axes, m.
+fn size(machine: &Machine) -> f64 {
+    let nodes = || machine.nodes.iter().map(|node| node.at);
+    let low = nodes().reduce(|a, b| a.inf(&b));
+    let high = nodes().reduce(|a, b| a.sup(&b));
+    low.zip(high).map_or(0.0, |(low, high)| (high - low).norm())
 }

@@ -1,6 +1,6 @@
-//! A machine's report: everything a design review asks, as data, as a page, as
-//! pictures.
+//! Reports for design reviews: as data, as a page, as pictures.
 
+use indexmap::IndexMap;
 use serde::Serialize;
 
 use crate::analysis::compare::MachineComparison;
@@ -32,13 +32,13 @@ pub mod scene;
 pub mod summary;
 mod text;
 
-/// Where singular values are looked at, Hz.
+/// Frequencies of singular values: lowest and highest, Hz, and their number.
 const SIGMA: (f64, f64, usize) = (0.1, 300.0, 400);
 
-/// Where spectra are looked at, Hz.
+/// Lowest and highest frequency of spectra, Hz.
 const SPECTRA: [f64; 2] = [0.5, 300.0];
 
-/// One machine.
+/// The report on one machine.
 #[derive(Debug, Serialize)]
 pub struct Report {
     machine: String,
@@ -51,25 +51,25 @@ pub struct Report {
     settings: Vec<Setting>,
     scene: Scene,
     modes: ModeAnalysis,
-    /// Of each kind of feedback that the machine has sensors for.
+    /// Gains for each kind of feedback that the machine has sensors for.
     gains: Vec<GainAnalysis>,
     zeros: ZeroAnalysis,
     closed: Option<Closed>,
-    /// Why there is no closed loop.
+    /// The reason if there is no closed loop.
     missing: Option<String>,
     charts: Vec<Chart>,
-    /// Pictures for papers; the page has the machine itself.
+    /// Drawings for papers; the page shows the machine in 3D.
     #[serde(skip)]
     drawings: Vec<Chart>,
     statements: Vec<Statement>,
     warnings: Vec<String>,
-    /// Curves that the chart of singular values does not have, and why.
+    /// Curves that are missing in the chart of singular values, each with the reason.
     not_shown: Vec<String>,
     #[serde(skip)]
     own: DesignedStudy,
 }
 
-/// What only a machine with its loop has.
+/// Results that need the closed loop.
 #[derive(Debug, Serialize)]
 struct Closed {
     poles: PoleAnalysis,
@@ -81,7 +81,7 @@ struct Closed {
     table_checksum: u32,
 }
 
-/// A file a machine is made of, as it was read.
+/// A file of the machine, as it was read.
 #[derive(Debug, Serialize)]
 struct SourceFile {
     path: String,
@@ -96,10 +96,12 @@ struct Setting {
 }
 
 impl Report {
-    /// What needs no search for a controller: in some tens of milliseconds.
+    /// The report without the closed loop. It needs no search for a controller and takes
+    /// tens of milliseconds.
     ///
     /// # Errors
-    /// As [`Study::new`], or where an eigenvalue iteration does not converge.
+    /// [`StudyError`] if the machine gives no valid model or an eigenvalue iteration does
+    /// not converge.
     pub fn quick(machine: &Machine) -> Result<Self, StudyError> {
         let none = |machine| {
             let study = Study::new(machine)?;
@@ -110,12 +112,12 @@ impl Report {
         Self::of(machine, &studies.collect::<Result<Vec<_>, _>>()?, None)
     }
 
-    /// Everything; floor vibration as strong as `criterion` allows. Designs come
-    /// from `search`.
+    /// The full report, with designs from `search` and the floor at the limit of
+    /// `criterion`.
     ///
     /// # Errors
-    /// As [`Study::new`], or where an eigenvalue iteration does not converge. A target
-    /// that cannot be reached is part of the report.
+    /// [`StudyError`] if the machine gives no valid model or an eigenvalue iteration does
+    /// not converge. If no controller is found, the report gives the reason.
     pub fn new(
         machine: &Machine,
         criterion: Criterion,
@@ -210,7 +212,7 @@ impl Report {
         })
     }
 
-    /// The charts, then the drawings, each with the name of its file.
+    /// All charts, then all drawings, each with its file name without extension.
     pub fn pictures(&self) -> Vec<(String, &Chart)> {
         let charts = self.charts.iter().map(|c| (c.id.to_owned(), c));
         let drawings = self.drawings.iter().enumerate();
@@ -222,7 +224,7 @@ impl Report {
     }
 }
 
-/// Every key that ends in a value. What explains numbers is none.
+/// All keys with their values, except those under `provenance`.
 fn settings(machine: &Machine) -> Vec<Setting> {
     fn walk(prefix: &str, value: &toml::Value, settings: &mut Vec<Setting>) {
         match value {
@@ -248,33 +250,34 @@ fn settings(machine: &Machine) -> Vec<Setting> {
     settings
 }
 
-/// One machine, or several side by side.
+/// The content of the page: the reports on one or more machines, and their comparison.
 #[derive(Debug, Serialize)]
 pub struct Review {
-    /// Of host-gen.
+    /// Version of host-gen.
     version: &'static str,
     machines: Vec<Report>,
-    /// Nothing with one machine.
+    /// The comparison; none with one machine.
     side_by_side: Option<SideBySide>,
 }
 
-/// Machines side by side.
+/// A comparison of machines.
 #[derive(Debug, Serialize)]
 struct SideBySide {
-    /// What each is called where others stand beside it.
+    /// Names that tell the machines apart.
     names: Vec<String>,
     compared: MachineComparison,
-    /// Settings that are not the same in all: the key, and by machine the value,
-    /// none where it has no such key.
+    /// Settings that differ: the key, and the value in each machine, none if it does not
+    /// have the key.
     differences: Vec<(String, Vec<Option<String>>)>,
     charts: Vec<Chart>,
 }
 
 impl Review {
-    /// Of machines with their reports.
+    /// A review of `machines`, with a comparison if there are several.
     ///
     /// # Errors
-    /// As [`Study::new`].
+    /// [`StudyError`] if a machine gives no valid model or an eigenvalue iteration does
+    /// not converge.
     pub fn new(machines: Vec<Report>) -> Result<Self, StudyError> {
         let side_by_side = if machines.len() > 1 {
             Some(SideBySide::new(&machines)?)
@@ -288,8 +291,8 @@ impl Review {
         })
     }
 
-    /// All pictures, each with the name of its file: those of several machines
-    /// begin with the machine's name, or with `compared`.
+    /// All pictures, each with its file name without extension. With several machines,
+    /// the names start with the name of the machine, or with `compared`.
     pub fn pictures(&self) -> Vec<(String, &Chart)> {
         let Some(both) = &self.side_by_side else {
             return self.machines.iter().flat_map(Report::pictures).collect();
@@ -305,7 +308,8 @@ impl Review {
         single.chain(compared).collect()
     }
 
-    /// All of it for the page and for other programs, `docs/json.md`.
+    /// The review as JSON, for the page and for other programs, as `docs/json.md`
+    /// describes it.
     pub fn json(&self) -> String {
         serde_json::to_string(self).expect("numbers and strings serialise")
     }
@@ -313,7 +317,7 @@ impl Review {
 
 impl SideBySide {
     fn new(reports: &[Report]) -> Result<Self, StudyError> {
-        // Of one name twice, the kinds of feedback tell them apart, or their order.
+        // Machines of the same name are told apart by their feedback, or by their order.
         let name = |(i, report): (usize, &Report)| {
             let same = |other: &&Report| other.machine == report.machine;
             let alike = |other: &Report| other.feedback == report.feedback;
@@ -332,26 +336,22 @@ impl SideBySide {
             .zip(reports)
             .map(|(name, report)| (name.clone(), &report.charts[..]))
             .collect();
-        let mut keys: Vec<&str> = Vec::new();
-        for setting in reports.iter().flat_map(|report| &report.settings) {
-            if !keys.contains(&&setting.key[..]) {
-                keys.push(&setting.key);
+        // The value in each machine by key, in the order of the files.
+        let mut values: IndexMap<&str, Vec<Option<String>>> = IndexMap::new();
+        for (i, report) in reports.iter().enumerate() {
+            for setting in &report.settings {
+                let of_key = values.entry(&setting.key);
+                of_key.or_insert_with(|| vec![None; reports.len()])[i] =
+                    Some(setting.value.clone());
             }
         }
-        let values = |key: &&str| {
-            let value = |report: &Report| {
-                let mut settings = report.settings.iter();
-                settings.find(|s| s.key == *key).map(|s| s.value.clone())
-            };
-            reports.iter().map(value).collect::<Vec<_>>()
-        };
         Ok(Self {
             charts: laid_over(&charts),
             compared: MachineComparison::new(reports.iter().map(|report| &report.own))?,
-            differences: keys
-                .iter()
-                .map(|key| ((*key).to_owned(), values(key)))
+            differences: values
+                .into_iter()
                 .filter(|(_, values)| values.iter().any(|value| value != &values[0]))
+                .map(|(key, values)| (key.to_owned(), values))
                 .collect(),
             names,
         })

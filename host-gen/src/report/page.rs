@@ -9,12 +9,12 @@ const SCENE: &str = include_str!("web/scene.js");
 const PLOTLY: &str = include_str!("web/vendor/plotly-basic.min.js");
 const THREE: &str = include_str!("web/vendor/three.min.js");
 
-/// The page of a review. It asks nothing of any network.
+/// The page of a review. It loads nothing from a network.
 pub fn page(review: &Review) -> String {
     page_of(&review.json())
 }
 
-/// The page of a review's JSON.
+/// The page of a review that is given as JSON.
 pub fn page_of(json: &str) -> String {
     // Inside a script element only its end is special.
     let data = json.replace("</", "<\\/");
@@ -29,15 +29,15 @@ pub fn page_of(json: &str) -> String {
     fill(TEMPLATE, &parts)
 }
 
-/// `template` with its places filled, in the order in which they stand there; what
-/// is filled in is not looked at again.
+/// `template` with its placeholders replaced, in their order; the replacements are not
+/// searched for placeholders.
 fn fill(template: &str, parts: &[(&str, &str)]) -> String {
     let mut page = String::new();
     let mut rest = template;
     for (place, text) in parts {
         let (before, after) = rest
             .split_once(place)
-            .expect("the template has every place once, in this order");
+            .expect("the template has every placeholder once, in this order");
         page.push_str(before);
         page.push_str(text);
         rest = after;

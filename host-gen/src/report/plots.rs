@@ -12,16 +12,16 @@ use super::chart::{Axis, Chart, Scale, Series, Style};
 const WIDTH: u32 = 960;
 const HEIGHT: u32 = 560;
 
-/// Of it the names on the right.
+/// Width of the legend on the right.
 const LEGEND: u32 = 230;
 
-/// A PNG has this many pixels for one of the SVG's: print quality at 160 mm.
+/// Pixels of a PNG for each pixel of the SVG: print quality at a width of 160 mm.
 const ZOOM: f32 = 2.0;
 
 const FONT: &[u8] = include_bytes!("font/DejaVuSans.ttf");
 const FAMILY: &str = "DejaVu Sans";
 
-/// Why a picture cannot be drawn.
+/// The error of a chart that cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 #[error("the chart {chart} cannot be drawn: {reason}")]
 pub struct PlotError {
@@ -29,7 +29,7 @@ pub struct PlotError {
     reason: String,
 }
 
-/// An axis as it is drawn: logarithms as numbers.
+/// An axis with its range and ticks; on a logarithmic axis, these are logarithms.
 struct Drawn<'a> {
     axis: &'a Axis,
     low: f64,
@@ -67,7 +67,8 @@ impl<'a> Drawn<'a> {
         }
     }
 
-    /// Wider, so that a unit is as long as on the other axis.
+    /// Widens the range to at least `length`, so that units are as long as on the other
+    /// axis.
     fn widen(&mut self, length: f64) {
         let more = 0.5 * (length - (self.high - self.low)).max(0.0);
         (self.low, self.high) = (self.low - more, self.high + more);
@@ -148,7 +149,7 @@ impl<'a> Drawn<'a> {
     }
 }
 
-/// An axis as the plotting library wants it.
+/// An axis for the plotting library.
 struct Coordinate {
     range: Range<f64>,
     ticks: Vec<f64>,
@@ -184,10 +185,10 @@ fn colour(series: &Series) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// The chart as SVG.
+/// `chart` as SVG.
 ///
 /// # Errors
-/// Where the plotting library cannot draw it.
+/// [`PlotError`] if the plotting library fails.
 pub fn svg(chart: &Chart) -> Result<String, PlotError> {
     let mut text = String::new();
     draw(chart, &mut text).map_err(|reason| PlotError {
@@ -199,7 +200,7 @@ pub fn svg(chart: &Chart) -> Result<String, PlotError> {
 
 fn draw(chart: &Chart, text: &mut String) -> Result<(), Box<dyn std::error::Error>> {
     let shown: Vec<&Series> = chart.series.iter().filter(|s| s.shown).collect();
-    // A limit has its name at its end.
+    // The name of a limit is drawn at its end.
     let named = |s: &Series| s.style == Style::Limit && chart.x.scale != Scale::Equal;
     let legend = chart.y.names.is_empty() && shown.iter().filter(|s| !named(s)).count() > 1;
     let root = SVGBackend::with_string(text, (WIDTH, HEIGHT)).into_drawing_area();
@@ -246,7 +247,7 @@ fn draw(chart: &Chart, text: &mut String) -> Result<(), Box<dyn std::error::Erro
             (x.holds(point.0) && y.holds(point.1)).then_some(point)
         });
         let points: Vec<_> = points.collect();
-        // Beyond the axes, and where there is no number, a line is broken.
+        // A line is interrupted outside the axes and at values that are not numbers.
         let pieces = points
             .split(Option::is_none)
             .map(|piece| piece.iter().flatten().copied());
@@ -308,10 +309,10 @@ fn draw(chart: &Chart, text: &mut String) -> Result<(), Box<dyn std::error::Erro
     Ok(())
 }
 
-/// An SVG as PNG.
+/// The picture of `chart` as PNG, from its `svg`; twice as many pixels in each direction.
 ///
 /// # Errors
-/// Where it is none.
+/// [`PlotError`] if `svg` is not valid SVG.
 pub fn png(chart: &Chart, svg: &str) -> Result<Vec<u8>, PlotError> {
     let failed = |reason: String| PlotError {
         chart: chart.id,
@@ -323,7 +324,7 @@ pub fn png(chart: &Chart, svg: &str) -> Result<Vec<u8>, PlotError> {
     let size = tree.size().to_int_size();
     let pixels = |length: u32| (length as f32 * ZOOM) as u32;
     let mut pixmap = Pixmap::new(pixels(size.width()), pixels(size.height()))
-        .ok_or_else(|| failed("it has no size".to_owned()))?;
+        .ok_or_else(|| failed("the picture has no size".to_owned()))?;
     resvg::render(
         &tree,
         Transform::from_scale(ZOOM, ZOOM),
@@ -334,7 +335,7 @@ pub fn png(chart: &Chart, svg: &str) -> Result<Vec<u8>, PlotError> {
         .map_err(|error| failed(error.to_string()))
 }
 
-/// The numbers of a chart, hidden series included: series, x, y.
+/// The numbers of a chart as CSV, hidden series included. Columns: series, x, y.
 pub fn csv(chart: &Chart) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let up = match &chart.y.label[..] {

@@ -1,46 +1,46 @@
-//! The machine as something to look at: points, beams, bodies, sensors,
-//! actuators. How its parts move in a mode stands with the modes.
+//! The machine for the 3D view: nodes, beams, bodies, sensors, actuators. The mode shapes
+//! are in the mode analysis.
 
 use serde::Serialize;
 
 use crate::machine::{Carrier, Direction, Machine};
 
-/// What there is to draw. Positions in m.
+/// The parts of a machine for the 3D view. Indices count from 0.
 #[derive(Clone, Debug, Serialize)]
 pub struct Scene {
-    /// All nodes.
-    pub nodes: Vec<Node>,
-    /// All beams.
-    pub beams: Vec<Beam>,
-    /// All bodies.
-    pub bodies: Vec<Body>,
-    /// Accelerometers.
+    /// All nodes, in the order of the file.
+    pub nodes: Vec<SceneNode>,
+    /// All beams, in the order of the file.
+    pub beams: Vec<SceneBeam>,
+    /// All bodies, in the order of the file.
+    pub bodies: Vec<SceneBody>,
+    /// Accelerometers with their directions; empty if there are none.
     pub accelerometers: Vec<Arrow>,
-    /// Force sensors: beams by index.
+    /// Beams with a force sensor, by index in `beams`.
     pub force_sensors: Vec<usize>,
-    /// Rheonomic inputs.
+    /// Floor inputs with their directions, Eq. (8).
     pub floor: Vec<Arrow>,
 }
 
-/// A node.
+/// A node of the 3D view.
 #[derive(Clone, Debug, Serialize)]
-pub struct Node {
-    /// Name.
+pub struct SceneNode {
+    /// Name in the file.
     pub name: String,
-    /// m.
+    /// Position, m.
     pub at: [f64; 3],
-    /// The body it moves with, by index; the base if none.
+    /// Body that carries the node, by index in [`Scene::bodies`]; none for the base.
     pub body: Option<usize>,
 }
 
-/// A beam.
+/// A beam of the 3D view.
 #[derive(Clone, Debug, Serialize)]
-pub struct Beam {
-    /// Name.
+pub struct SceneBeam {
+    /// Name in the file.
     pub name: String,
-    /// Nodes by index.
+    /// End nodes p and q, by index in [`Scene::nodes`].
     pub ends: [usize; 2],
-    /// Its channel, from 1, if it has an actuator.
+    /// Channel of its actuator, from 1; none without an actuator.
     pub channel: Option<usize>,
     /// EA/L, N/m.
     pub axial: f64,
@@ -50,39 +50,39 @@ pub struct Beam {
     pub torsion: f64,
 }
 
-/// A body.
+/// A body of the 3D view.
 #[derive(Clone, Debug, Serialize)]
-pub struct Body {
-    /// Name.
+pub struct SceneBody {
+    /// Name in the file.
     pub name: String,
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
-    /// About the centre of gravity, kg m².
+    /// Inertia about the centre of gravity, by rows, kg m².
     pub inertia: [[f64; 3]; 3],
-    /// Centre of gravity, m.
+    /// Position of the centre of gravity, m.
     pub cog: [f64; 3],
 }
 
-/// A direction at a node.
+/// A direction at a node of the 3D view.
 #[derive(Clone, Debug, Serialize)]
 pub struct Arrow {
-    /// Name.
+    /// Name in the file.
     pub name: String,
-    /// Node by index.
+    /// Node, by index in [`Scene::nodes`].
     pub node: usize,
-    /// Of length 1.
+    /// Unit vector.
     pub direction: [f64; 3],
 }
 
 impl Scene {
-    /// Of a machine.
+    /// The scene of `machine`.
     pub fn new(machine: &Machine) -> Self {
         let arrow = |d: &Direction| Arrow {
             name: d.name.clone(),
             node: d.node,
             direction: d.direction.into(),
         };
-        let nodes = machine.nodes.iter().map(|node| Node {
+        let nodes = machine.nodes.iter().map(|node| SceneNode {
             name: node.name.clone(),
             at: node.at.into(),
             body: match node.carrier {
@@ -90,7 +90,7 @@ impl Scene {
                 Carrier::Body(body) => Some(body),
             },
         });
-        let beams = machine.beams.iter().enumerate().map(|(i, beam)| Beam {
+        let beams = machine.beams.iter().enumerate().map(|(i, beam)| SceneBeam {
             name: beam.name.clone(),
             ends: beam.ends,
             channel: machine
@@ -102,7 +102,7 @@ impl Scene {
             bending: beam.stiffness.bending,
             torsion: beam.stiffness.torsion,
         });
-        let bodies = machine.bodies.iter().map(|body| Body {
+        let bodies = machine.bodies.iter().map(|body| SceneBody {
             name: body.name.clone(),
             mass: body.mass,
             inertia: body.inertia.transpose().into(),

@@ -1,4 +1,4 @@
-//! What `host-gen generate` and `host-gen simulate` have to say.
+//! The results of `host-gen generate` and `host-gen simulate`.
 
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ use crate::machine::Certainty;
 use crate::numeric::NumericError;
 use crate::simulate::run::Comparison;
 
-/// `host-gen simulate`.
+/// Result of `host-gen simulate`: the design and the simulation of open and closed loop.
 #[derive(Debug, Serialize)]
 pub struct SimulateSummary {
     pub(crate) machine: String,
@@ -21,7 +21,7 @@ pub struct SimulateSummary {
 }
 
 impl SimulateSummary {
-    /// Of a study's loop.
+    /// The design `shaped` of `study`, and its `simulation`.
     pub fn new(study: &Study, shaped: Design, simulation: Comparison) -> Self {
         Self {
             machine: study.machine().name.clone(),
@@ -32,7 +32,8 @@ impl SimulateSummary {
     }
 }
 
-/// `host-gen generate`.
+/// Result of `host-gen generate`: modes, gains, design, simulation, and the numbers that
+/// are not published.
 #[derive(Debug, Serialize)]
 pub struct GenerateSummary {
     pub(crate) machine: String,
@@ -47,10 +48,11 @@ pub struct GenerateSummary {
 }
 
 impl GenerateSummary {
-    /// Of a study whose table was written to `table`.
+    /// Summary for `study` with its design `shaped`, whose table was written to the file
+    /// `table`.
     ///
     /// # Errors
-    /// Where an eigenvalue iteration does not converge.
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
     pub fn new(
         study: &Study,
         shaped: Design,

@@ -6,7 +6,7 @@ use shared::LEGS;
 
 use crate::machine::Simulation;
 
-/// White noise, then two second-order Butterworth filters at the band's ends.
+/// White noise through two second-order Butterworth filters, one at each end of the band.
 pub(super) struct BandNoise {
     filters: [Biquad; 2],
     states: [[[f64; 2]; 2]; LEGS],
@@ -51,8 +51,8 @@ impl BandNoise {
             Biquad::butterworth(low, period, true),
             Biquad::butterworth(high, period, false),
         ];
-        // White noise comes out with the root of the impulse response's energy;
-        // three periods of the slow corner hold all of it.
+        // The filters scale the rms of white noise by the root of the energy of their
+        // impulse response. Three periods of the lower corner contain all of it.
         let mut states = [[0.0; 2]; 2];
         let mut energy = 0.0;
         for k in 0..(3.0 / (low * period)).ceil() as usize {

@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
-/// A matrix in blocks of twelve rows, the last one filled up with zeros: what a
-/// compiler turns into products of registers.
+/// A matrix in blocks of twelve rows, the last one padded with zeros, so that the
+/// compiler uses vector registers.
 pub(super) struct Blocks(Vec<Vec<[f64; BLOCK]>>);
 
 pub(super) const BLOCK: usize = 12;

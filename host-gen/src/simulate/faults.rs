@@ -1,5 +1,4 @@
-//! Faults, one by one, in the simulated loop: what the self-test and the supervisor
-//! make of each.
+//! Defects in the simulated loop, and the reactions of self-test and supervisor.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
@@ -16,46 +15,47 @@ use super::software_board::SoftwareBoard;
 use crate::design::Study;
 use crate::progress::Progress;
 
-/// One thing that is wrong. Sensors and legs by index.
+/// A defect of converters, sensors, legs, floor or table. Sensors and legs are given by
+/// index, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Defect {
-    /// Gives no signal, only the ADC's noise.
+    /// The sensor gives no signal, only the noise of the ADC.
     SensorDead(usize),
-    /// Gives the code it gave when it broke.
+    /// The sensor repeats the code that it gave when the defect began.
     SensorStuck(usize),
-    /// Noise of 3,000 codes rms on top.
+    /// The sensor has additional noise of 3,000 codes rms.
     SensorNoisy(usize),
-    /// Gives the opposite.
+    /// The sensor's sign is inverted.
     SensorInverted(usize),
-    /// Two exchanged.
+    /// Two sensors are exchanged.
     SensorsSwapped(usize, usize),
-    /// At the end of the range.
+    /// The sensor is at the positive end of the ADC's range.
     SensorRailed(usize),
-    /// Pushes with nothing.
+    /// The leg gives no force.
     LegDead(usize),
-    /// Pushes with a tenth of its limit at most.
+    /// The leg gives at most a tenth of its force limit.
     LegSaturated(usize),
-    /// Bouc–Wen hysteresis of 15 %.
+    /// The leg has Bouc–Wen hysteresis of 15 %.
     LegHysteretic(usize),
-    /// A bit of an ADC word turned in one sample of a thousand.
+    /// One bit of an ADC word is flipped, in one of 1,000 samples on average.
     AdcBits,
-    /// The same of a DAC word.
+    /// One bit of a DAC word is flipped, in one of 1,000 samples on average.
     DacBits,
-    /// One sample in a hundred not read.
+    /// One of 100 samples is lost on average.
     SamplesLostSingly,
-    /// None is read any more.
+    /// All samples are lost.
     SamplesLost,
-    /// Every deadline missed.
+    /// Every deadline is missed.
     Late,
-    /// Half a second of a floor a thousand times as strong.
+    /// The floor's motion is 1,000 times as strong for half a second.
     FloorShock,
-    /// A bit of the table turned.
+    /// One bit of the table is flipped.
     Table,
 }
 
 impl Defect {
-    /// All of one machine.
+    /// Every single defect of a machine with six sensors and six legs.
     pub fn all() -> Vec<Self> {
         let mut all = Vec::new();
         let of_each: [fn(usize) -> Self; 8] = [
@@ -86,7 +86,7 @@ impl Defect {
         all
     }
 
-    /// In words; sensors and legs from 1.
+    /// A short name; sensors and legs are numbered from 1.
     pub fn name(self) -> String {
         match self {
             Self::SensorDead(i) => format!("sensor {} dead", i + 1),
@@ -109,41 +109,45 @@ impl Defect {
     }
 }
 
-/// What became of one or more defects.
+/// The result of one case of a campaign.
 #[derive(Clone, Debug, Serialize)]
-pub struct Outcome {
-    /// What was wrong.
+pub struct DefectOutcome {
+    /// The defects, all present at the same time.
     pub defects: Vec<Defect>,
-    /// What the self-test says of it, before the loop is closed; none if it
+    /// Fault found by the self-test, with the defects present from the start; none if it
     /// passes.
     pub self_test: Option<Cause>,
-    /// What the supervisor says once it breaks with the loop closed, and how much
-    /// later, s; none if the loop goes on.
+    /// Fault found by the supervisor when the defects begin with the loop closed, and the
+    /// time until then, s; none if the loop stays closed.
     pub closed: Option<(Cause, f64)>,
     /// Whether all outputs stayed within the legs' limits.
     pub inside: bool,
-    /// From the fault to the safe codes, s.
+    /// Time from the detection of the fault to the safe codes at the outputs, s; none
+    /// without a fault, or if the outputs did not reach the safe codes.
     pub safe_after: Option<f64>,
-    /// Whether that is within the table's bound, and nothing moved afterwards;
-    /// true without a fault.
+    /// Whether the outputs reached the safe codes within the ramp time of the table and
+    /// stayed there; true without a fault.
     pub safe: bool,
-    /// Performance after it broke over that before, rms, dB; where the loop goes on.
+    /// Rms of the performance outputs with the defects relative to that before, dB; none
+    /// if the loop was opened.
     pub worse_db: Option<f64>,
 }
 
-/// Seconds with the loop closed before it breaks, after that, and with the fault
-/// latched.
+/// Time with the loop closed before the defects begin, s.
 const BEFORE: f64 = 4.0;
+/// Time with the defects present, s.
 const AFTER: f64 = 20.0;
+/// Time simulated after a fault is latched, s.
 const LATCHED: f64 = 0.5;
 
-/// Runs all `cases`, over all cores; `progress` is told of each.
+/// Simulates every one of `cases`, each a list of defects that are present at the same
+/// time, on all cores. `progress` is called after each case.
 pub fn campaign(
     study: &Study,
     table: &ValidTable,
     cases: &[Vec<Defect>],
     progress: &dyn Progress,
-) -> Vec<Outcome> {
+) -> Vec<DefectOutcome> {
     cases
         .par_iter()
         .map(|defects| {
@@ -158,9 +162,9 @@ pub fn campaign(
 struct Broken {
     defects: Vec<Defect>,
     random: ChaCha8Rng,
-    /// What stuck sensors give.
+    /// The codes of stuck sensors.
     held: Option<Samples>,
-    /// By leg: the hysteretic force's last input and state, of the limit.
+    /// By leg: last input and state of the hysteresis, relative to the force limit.
     hysteresis: [[f64; 2]; LEGS],
     adc_noise: f64,
     zero: [f64; LEGS],
@@ -191,7 +195,7 @@ impl Broken {
         self.random.next_u32().is_multiple_of(count)
     }
 
-    /// Of any channel.
+    /// A random channel and bit.
     fn bit(&mut self) -> (usize, u32) {
         let word = self.random.next_u32();
         (word as usize % LEGS, word >> 16 & 15)
@@ -208,7 +212,7 @@ impl Broken {
                 Defect::SensorDead(i) => codes[i] = AdcCode(self.noise(self.adc_noise) as i16),
                 Defect::SensorStuck(i) => codes[i] = held.sensors[i],
                 Defect::SensorNoisy(i) => {
-                    // A cast holds what does not fit at the ends.
+                    // The cast saturates.
                     codes[i].0 = (f64::from(codes[i].0) + self.noise(3000.0)) as i16;
                 }
                 Defect::SensorInverted(i) => codes[i].0 = codes[i].0.saturating_neg(),
@@ -261,7 +265,7 @@ impl Broken {
         codes
     }
 
-    /// A leg's force, of its limit.
+    /// A leg's force relative to its limit.
     fn part(&self, leg: usize, code: DacCode) -> f64 {
         (f64::from(code.0) - self.zero[leg]) / self.stroke[leg]
     }
@@ -271,7 +275,7 @@ impl Broken {
     }
 }
 
-/// A loop with converters that break.
+/// A loop whose converters get defects.
 struct BrokenLoop {
     sil: SoftwareBoard<'static>,
     broken: Broken,
@@ -293,7 +297,8 @@ impl BrokenLoop {
         }
     }
 
-    /// One sample, broken or not; gives the codes the controller asked for.
+    /// Runs one sample, with the defects if `broken`; returns the codes of the
+    /// controller.
     fn sample(&mut self, broken: bool) -> [DacCode; LEGS] {
         let Self { sil, broken: b, .. } = self;
         let samples = sil.rig.sample();
@@ -305,7 +310,7 @@ impl BrokenLoop {
         let dac = sil.controller.on_sample(reading);
         let given = if broken { b.give(dac) } else { dac };
         self.performance += self.sil.rig.advance(given).norm_squared();
-        // Half a code for the code nearest to the limit.
+        // Half a code of tolerance: a limit is rounded to the nearest code.
         let within = |(i, code): (usize, &DacCode)| {
             let over = self.broken.part(i, *code).abs() - 1.0;
             over * self.broken.stroke[i] <= 0.5
@@ -322,7 +327,7 @@ impl BrokenLoop {
         self.sil.controller.report().mode
     }
 
-    /// Until the mode is another one; at most half a minute.
+    /// Runs until the mode changes, at most 30 s.
     fn while_in(&mut self, mode: Mode, broken: bool) {
         for _ in 0..self.steps(30.0) {
             if self.mode() != mode {
@@ -332,9 +337,9 @@ impl BrokenLoop {
         }
     }
 
-    fn outcome(mut self, study: &Study, table: &ValidTable) -> Outcome {
+    fn outcome(mut self, study: &Study, table: &ValidTable) -> DefectOutcome {
         let defects = self.broken.defects.clone();
-        // The self-test of a machine that is broken from the start.
+        // The self-test of a machine with the defects present from the start.
         let mut first = Self::new(study, table, &defects);
         let self_test = first.tested();
         self.ask(Event::SelfTest);
@@ -348,7 +353,7 @@ impl BrokenLoop {
         let before = core::mem::take(&mut self.performance) / self.steps(BEFORE) as f64;
 
         if defects.contains(&Defect::Table) {
-            // What a board's link task does once a second.
+            // A board's link task does this check once a second.
             self.turn_a_bit(table);
         }
         let shock = defects.contains(&Defect::FloorShock);
@@ -387,11 +392,11 @@ impl BrokenLoop {
         let bound = f64::from(table.get().supervision.safe_ramp) / self.rate;
         let safe = match (closed, safe_after) {
             (None, _) => true,
-            // To rounding of the division.
+            // With a tolerance for rounding.
             (Some(_), Some(time)) => quiet && time <= bound + 1e-9,
             (Some(_), None) => false,
         };
-        Outcome {
+        DefectOutcome {
             defects,
             self_test,
             closed,
@@ -402,7 +407,7 @@ impl BrokenLoop {
         }
     }
 
-    /// What the self-test says.
+    /// The fault that the self-test finds; none if it passes.
     fn tested(&mut self) -> Option<Cause> {
         self.ask(Event::SelfTest);
         self.while_in(Mode::Testing, true);
@@ -410,12 +415,13 @@ impl BrokenLoop {
     }
 
     fn ask(&mut self, event: Event) {
-        // A loop that a defect has already opened refuses, and that is told.
+        // If a defect has opened the loop already, the request is refused; the outcome
+        // shows it.
         let _ = self.sil.controller.ask(event);
     }
 
-    /// Compares the checksum of a table with one bit turned, as a board's memory
-    /// would have it.
+    /// Flips one bit of the table and compares checksums, as a board does with its
+    /// memory.
     fn turn_a_bit(&mut self, table: &ValidTable) {
         let mut changed = *table.get();
         changed.law.leak = f32::from_bits(changed.law.leak.to_bits() ^ 1);

@@ -1,4 +1,4 @@
-//! The machine in time with its converters: takes DAC codes, gives ADC codes.
+//! The simulated machine with its converters: DAC codes in, ADC codes out.
 
 use core::ops::Range;
 use std::collections::VecDeque;
@@ -28,7 +28,7 @@ pub struct Rig {
     performance: [Blocks; 2],
     /// The state's change from what happens in a period.
     change: Blocks,
-    /// Whether forces take over within a period, and not as it begins.
+    /// Whether new forces take effect within a period, not at its start.
     within: bool,
     state: Vec<[f64; BLOCK]>,
     performance_now: Vec<[f64; BLOCK]>,
@@ -40,17 +40,17 @@ pub struct Rig {
     kinds: Vec<(Sensor, f64)>,
     sensor_noise: ChaCha8Rng,
     output_noise: ChaCha8Rng,
-    /// Now and at the next sample.
+    /// Acceleration of the floor inputs now and at the next sample, m/s².
     floor: [[f64; LEGS]; 2],
-    /// Scales the floor from here on; 1 at first.
+    /// Factor on the floor's acceleration from the next sample on; initially 1.
     pub floor_gain: f64,
-    /// Added to the offset of every sensor of either kind from here on, V; 0 at
-    /// first.
+    /// Voltage added to the offsets of the sensors from the next sample on, one value for
+    /// each channel, the same for both kinds of sensors, V; initially 0.
     pub drift: [f64; LEGS],
 }
 
 impl Rig {
-    /// At rest, with the floor noise and seed of `settings`.
+    /// The machine at rest, with the floor noise and the seed of `settings`.
     pub fn new(plant: SampledPlant, board: &Board, settings: &Simulation) -> Self {
         let SampledStateSpace {
             blocks: poles,
@@ -60,7 +60,7 @@ impl Rig {
             mean_by,
         } = plant.state_space();
         let rows = |matrix: &DMatrix<f64>, rows: Range<usize>| matrix.rows_range(rows).into_owned();
-        // The forces they take over from come last: often they do not count.
+        // The previous forces come last: often they have no effect.
         let within = change.before.amax() > 0.0;
         let in_period = |by: &ByInput| {
             let parts = [&by.now, &by.next, &by.after, &by.before];
@@ -110,12 +110,12 @@ impl Rig {
         }
     }
 
-    /// The plant inside.
+    /// The simulated plant.
     pub fn plant(&self) -> &SampledPlant {
         &self.plant
     }
 
-    /// The next sampling instant: the codes the ADC gives.
+    /// Advances the floor to the next sampling instant and returns the ADC codes.
     pub fn sample(&mut self) -> Samples {
         let next = self.floor_noise.sample().map(|x| x * self.floor_gain);
         self.floor = [self.floor[1], next];
@@ -140,8 +140,9 @@ impl Rig {
         samples
     }
 
-    /// Latches `dac` in its turn and lets the period pass; gives the means of
-    /// the performance accelerations over it, m/s².
+    /// Sends `dac` to the outputs, where it is latched after the board's delay, and
+    /// simulates one sample period. Returns the mean of each performance output over the
+    /// period, m/s².
     pub fn advance(&mut self, dac: [DacCode; LEGS]) -> DVectorView<'_, f64> {
         let board = &self.board;
         let force = dac.map(|code| {

@@ -8,25 +8,25 @@ use super::rig::Rig;
 use crate::machine::{Board, Simulation};
 use crate::plant::SampledPlant;
 
-/// What one run showed.
+/// The results of one simulation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Run {
-    /// rms of each performance output, m/s².
+    /// Rms of each performance output, m/s².
     pub rms: Vec<f64>,
-    /// Largest magnitude of each, m/s².
+    /// Largest magnitude of each performance output, m/s².
     pub peak: Vec<f64>,
-    /// Largest force asked of any leg, N.
+    /// Largest magnitude of the force commanded to any leg, N.
     pub force_peak: f64,
-    /// Steps in which the clamp was active.
+    /// Number of steps in which the clamp was active.
     pub clamped_steps: usize,
-    /// Steps in which a sensor was at the end of the ADC's range.
+    /// Number of steps in which a sensor was at an end of the ADC's range.
     pub railed_steps: usize,
-    /// Measured steps.
+    /// Number of steps that were evaluated; settling is left out.
     pub steps: usize,
 }
 
-/// Runs the machine over settling and duration of `settings`, under `table` or,
-/// without one, with the outputs at rest.
+/// Simulates the settling time and the duration of `settings`: with the loop closed under
+/// `table` if `closed`, else with the safe codes of `table` at the outputs.
 pub fn run(
     plant: &SampledPlant,
     board: &Board,
@@ -87,21 +87,22 @@ fn steps(seconds: f64, board: &Board) -> usize {
 pub struct Comparison {
     /// Names of the performance outputs.
     pub outputs: Vec<String>,
-    /// Measured time, s.
+    /// Evaluated time, s.
     pub duration_s: f64,
-    /// rms of each floor input, m/s².
+    /// Rms acceleration of each floor input, m/s².
     pub floor_rms: f64,
-    /// Its band, Hz.
+    /// Lower and upper end of the floor's band, Hz.
     pub floor_band_hz: [f64; 2],
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Without control.
+    /// Results without control.
     pub open: Run,
-    /// Under the table.
+    /// Results with the loop closed.
     pub closed: Run,
 }
 
-/// Runs open and closed loop under the same floor.
+/// Simulates the open and the closed loop on the same floor. `outputs` are the names of
+/// the performance outputs.
 pub fn compare(
     plant: &SampledPlant,
     board: &Board,

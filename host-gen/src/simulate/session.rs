@@ -1,5 +1,5 @@
-//! A session in time: at rest, tested, started gently, closed; beside it the same
-//! floor with the legs at rest.
+//! A whole session in time: rest, self-test, soft start, loop closed. The same floor is
+//! also simulated with control off.
 
 use serde::Serialize;
 use shared::LEGS;
@@ -10,70 +10,74 @@ use shared::table::ValidTable;
 use super::rig::Rig;
 use crate::design::Study;
 
-/// Before the self-test, between it and the start, and after that, s.
+/// Wait before the self-test, and between it and the start, s.
 const REST: f64 = 1.0;
+/// Time with the loop closed, s.
 const CLOSED: f64 = 4.0;
 
-/// A session that is not closed by then is over, s.
+/// Maximum length of a session, s.
 const LONGEST: f64 = 60.0;
 
-/// An envelope's points are so far apart, s.
+/// Distance between the points of the envelope, s.
 const ENVELOPE: f64 = 0.05;
 
-/// The end of the session is also kept as it is: so long, s, at so many points a
-/// second.
+/// Length of the close-up at the end of the session, s.
 const CLOSE_UP: f64 = 0.5;
+/// Points of the close-up per second.
 const CLOSE_UP_RATE: f64 = 4000.0;
 
-/// What was seen of a session.
+/// The signals of a session.
 #[derive(Clone, Debug, Serialize)]
 pub struct History {
-    /// Mode by mode, in the order in which they came.
+    /// The supervisor's modes, in the order in which they occurred.
     pub phases: Vec<Phase>,
-    /// The performance outputs' rms taken together, and the legs' largest forces.
+    /// Rms of all performance outputs together, and the largest forces of the legs.
     pub envelope: Envelope,
-    /// The last half second.
+    /// The last half second in detail.
     pub close_up: CloseUp,
 }
 
-/// A mode and when it began.
+/// A mode of the supervisor and its start.
 #[derive(Clone, Debug, Serialize)]
 pub struct Phase {
-    /// s.
+    /// Time from the start of the session to the start of the mode, s.
     pub from: f64,
-    /// In words.
+    /// Name of the mode.
     pub mode: &'static str,
 }
 
-/// Over the whole session, one point every 50 ms.
+/// Signals of the whole session, one point for each piece of 50 ms.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Envelope {
-    /// The end of each piece, s.
+    /// Time at the end of each piece, from the start of the session, s.
     pub time: Vec<f64>,
-    /// √Σ of the performance outputs' mean squares, m/s², the legs at rest.
+    /// Root of the sum of the performance outputs' mean squares in each piece with
+    /// control off, m/s².
     pub open: Vec<f64>,
-    /// The same under the controller.
+    /// Root of the sum of the performance outputs' mean squares in each piece with the
+    /// controller running, m/s².
     pub closed: Vec<f64>,
-    /// Largest magnitude, N, by leg.
+    /// By leg: largest magnitude of the force in each piece, N.
     pub force: [Vec<f64>; LEGS],
 }
 
-/// The end of the session.
+/// Signals at the end of the session.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct CloseUp {
-    /// Of the session, s.
+    /// Time from the start of the session, s.
     pub time: Vec<f64>,
-    /// Each performance output, m/s², the legs at rest.
+    /// By performance output: acceleration with control off, m/s².
     pub open: Vec<Vec<f64>>,
-    /// The same with the loop closed.
+    /// By performance output: acceleration with the loop closed, m/s².
     pub closed: Vec<Vec<f64>>,
 }
 
-/// One machine's way through time.
+/// One of the two simulations, with control off or on.
 struct Track {
     rig: Rig,
-    /// Of the piece under way: sum of squares of each output, and its sum.
+    /// Sum of the squares of all outputs over the current piece.
     square: f64,
+    /// Sum of each output since the last point of the close-up.
     mean: Vec<f64>,
 }
 
@@ -109,18 +113,18 @@ impl Track {
 
 fn name(mode: Mode) -> &'static str {
     match mode {
-        Mode::Untested => "legs at rest",
+        Mode::Untested => "not tested",
         Mode::Testing => "self-test",
-        Mode::Idle => "tested",
+        Mode::Idle => "idle",
         Mode::Starting => "soft start",
         Mode::Closed => "loop closed",
         Mode::Stopping => "soft stop",
-        Mode::Failing => "fault: to the safe codes",
+        Mode::Failing => "fault: ramp to the safe codes",
         Mode::Failed => "fault: at the safe codes",
     }
 }
 
-/// Runs a session on the floor of the machine's `simulation`.
+/// Simulates a session with `table`, on the floor of the machine's simulation settings.
 pub fn history(study: &Study, table: &ValidTable) -> History {
     let board = study.machine().board;
     let samples = |seconds: f64| ((seconds * board.sample_rate).round() as u64).max(1);
@@ -160,7 +164,7 @@ pub fn history(study: &Study, table: &ValidTable) -> History {
                 all.push(core::mem::take(force));
             }
         }
-        // A request that the mode does not have changes nothing.
+        // A request that the mode does not allow changes nothing.
         let waited = k - since >= samples(REST);
         let event = match mode {
             Mode::Untested if waited => Some(Event::SelfTest),

@@ -1,5 +1,5 @@
 //! Software in the loop: the simulated machine with its converters, and the whole
-//! controller that a board runs, supervisor and link included.
+//! controller of a board, with supervisor and link.
 
 use shared::LEGS;
 use shared::codes::{DacCode, Samples};
@@ -11,20 +11,21 @@ use shared::table::{Limits, ValidTable};
 use super::rig::Rig;
 use crate::design::Study;
 
-/// A board that is software.
+/// A board in software: the simulated machine, the controller and the link.
 pub struct SoftwareBoard<'a> {
-    /// The machine with its converters.
+    /// The simulated machine with its converters.
     pub rig: Rig,
-    /// What the board runs.
+    /// The controller that a board runs.
     pub controller: Controller<'a>,
     cutter: Cutter,
     server: Server,
-    /// The table it began with.
+    /// The table of the start, which stands for the one compiled into a firmware.
     table: ValidTable,
 }
 
 impl<'a> SoftwareBoard<'a> {
-    /// Before the first sample. `room` is the recorder's memory.
+    /// A board with `table`, before its first sample. `room` is the memory of the
+    /// recorder.
     pub fn new(study: &Study, table: &ValidTable, room: &'a mut [Record]) -> Self {
         let machine = study.machine();
         Self {
@@ -36,13 +37,14 @@ impl<'a> SoftwareBoard<'a> {
         }
     }
 
-    /// One sample; gives the codes that were latched.
+    /// Runs one sample and returns the DAC codes.
     pub fn sample(&mut self) -> [DacCode; LEGS] {
         self.sample_through(Reading::from, |dac| dac)
     }
 
-    /// The same with converters that do something else to what they read and to
-    /// what they give.
+    /// Runs one sample with altered converters: `read` makes the reading from the true
+    /// ADC codes, `give` makes the latched codes from those of the controller. Returns
+    /// the codes of the controller.
     pub fn sample_through(
         &mut self,
         read: impl FnOnce(Samples) -> Reading,
@@ -54,13 +56,14 @@ impl<'a> SoftwareBoard<'a> {
         dac
     }
 
-    /// A byte from the host; the frame to send where one is due.
+    /// Takes a byte from the host. Returns the reply to send, if the byte completes a
+    /// frame.
     pub fn on_byte(&mut self, byte: u8) -> Option<Vec<u8>> {
         let incoming = self.cutter.push(byte)?;
         let controller = &mut self.controller;
         let reply = match self.server.answer(incoming, controller) {
             Answer::Reply(reply) => reply,
-            // Kept as long as this runs.
+            // A table is kept only as long as this board runs.
             Answer::Table(job) => {
                 let compiled = (self.table, self.table.checksum());
                 let outcome = self.server.table(job, &Limits::NONE, compiled);
@@ -70,7 +73,7 @@ impl<'a> SoftwareBoard<'a> {
         encode(&reply).map(|frame| frame.to_vec())
     }
 
-    /// Telemetry to send next, if any.
+    /// The next telemetry frame to send; none if none is due.
     pub fn telemetry(&mut self) -> Option<Vec<u8>> {
         let packet = self.server.telemetry(&mut self.controller)?;
         encode(&packet).map(|frame| frame.to_vec())

@@ -3,7 +3,7 @@
 
 use std::sync::LazyLock;
 
-use crate::common::{edited, looped_frame, model_path, parse, search, study};
+use crate::common::{edited, looped_frame, model_path, parse, search, set, study};
 use host_gen::analysis::criterion::Criterion;
 use host_gen::design::Study;
 use host_gen::machine::Machine;
@@ -137,9 +137,9 @@ fn history_ends_as_the_simulation_does() {
     assert_eq!(
         modes,
         [
-            "legs at rest",
+            "not tested",
             "self-test",
-            "tested",
+            "idle",
             "soft start",
             "loop closed"
         ]
@@ -325,7 +325,10 @@ fn warnings_and_what_is_missing() {
     let report = Report::new(&machine.unwrap(), Criterion::VcC, &search()).unwrap();
     let json = value(&Review::new(vec![report]).unwrap());
     let reason = json["machines"][0]["missing"].as_str().unwrap();
-    assert!(reason.contains("cannot be reached"), "{reason}");
+    assert!(
+        reason.contains("no controller was found that reaches"),
+        "{reason}"
+    );
 }
 
 /// The drawing of a mode moves nodes along the model's shape: in the plane of the
@@ -354,8 +357,44 @@ fn drawings_move() {
     }
 }
 
+/// The diagonal of the box around the nodes.
 fn size_of(study: &Study) -> f64 {
     let nodes = &study.machine().nodes;
-    let pairs = nodes.iter().flat_map(|a| nodes.iter().map(move |b| (a, b)));
-    pairs.map(|(a, b)| (a.at - b.at).norm()).fold(0.0, f64::max)
+    let side = |axis: usize| {
+        let all = || nodes.iter().map(|node| node.at[axis]);
+        all().fold(f64::MIN, f64::max) - all().fold(f64::MAX, f64::min)
+    };
+    side(0).hypot(side(1)).hypot(side(2))
+}
+
+/// A body with twice as many nodes takes twice as many points, not four times.
+#[test]
+fn drawings_grow_in_proportion_to_the_nodes() {
+    let points = |more: usize| -> Vec<usize> {
+        let mut file: toml::Table = edited(&[]).parse().unwrap();
+        let mut names = file["bodies"]["frame"]["nodes"].as_array().unwrap().clone();
+        for i in 0..more {
+            let name = format!("more{i}");
+            let at = vec![
+                toml::Value::Float(0.001 * i as f64),
+                toml::Value::Float(0.1),
+                toml::Value::Float(0.2),
+            ];
+            set(&mut file, &format!("nodes.{name}"), toml::Value::Array(at));
+            names.push(toml::Value::String(name));
+        }
+        set(&mut file, "bodies.frame.nodes", toml::Value::Array(names));
+        let report = Report::quick(&parse(&file.to_string()).unwrap()).unwrap();
+        let pictures = report.pictures().into_iter();
+        let drawn = pictures.filter(|(name, _)| name == "machine" || name.starts_with("mode-"));
+        drawn
+            .map(|(_, chart)| chart.series.iter().map(|series| series.x.len()).sum())
+            .collect()
+    };
+    let [few, many, most] = [100, 200, 400].map(points);
+    assert_eq!(few.len(), 13);
+    for ((few, many), most) in few.iter().zip(&many).zip(&most) {
+        assert!(many > few);
+        assert_eq!(most - many, 2 * (many - few));
+    }
 }

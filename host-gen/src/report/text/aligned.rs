@@ -1,4 +1,4 @@
-//! Tables in text: as wide as what stands in them.
+//! Tables in text, as wide as their content.
 
 use std::fmt::{self, Formatter};
 
@@ -6,13 +6,13 @@ use anstyle::{AnsiColor, Style};
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, ContentArrangement, Table};
 
-/// A heading. Whoever prints takes the colours off where nobody sees them.
+/// Style of a heading.
 pub const TITLE: Style = Style::new().bold();
 
-/// What should not be overlooked.
+/// Style of a warning.
 pub const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 
-/// Rows of cells, the first `names` columns to the left, all others to the right,
+/// Writes rows of cells: the first `names` columns aligned left, all others right, with
 /// `indent` spaces before each row.
 pub fn write_table(
     f: &mut Formatter<'_>,

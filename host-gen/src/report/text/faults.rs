@@ -17,14 +17,14 @@ impl Display for CampaignSummary {
         )?;
         writeln!(
             f,
-            "| fault | self-test | with the loop closed | after | outputs inside | at rest after |\n|---|---|---|---|---|---|"
+            "| fault | self-test | with the loop closed | after | outputs within limits | at rest after |\n|---|---|---|---|---|---|"
         )?;
         for outcome in &self.outcomes {
             let names: Vec<_> = outcome.defects.iter().copied().map(Defect::name).collect();
             let test = outcome.self_test.map_or_else(|| "passes".to_owned(), cause);
             let (closed, after) = match (outcome.closed, outcome.worse_db) {
                 (Some((why, after)), _) => (cause(why), format!("{:.1} ms", 1e3 * after)),
-                (None, Some(db)) => (format!("goes on, lens {db:+.1} dB"), "–".to_owned()),
+                (None, Some(db)) => (format!("goes on, performance {db:+.1} dB"), "–".to_owned()),
                 (None, None) => ("goes on".to_owned(), "–".to_owned()),
             };
             let rest = match (outcome.safe, outcome.safe_after) {

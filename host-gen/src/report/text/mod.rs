@@ -1,4 +1,4 @@
-//! Results as text for people. Whoever prints strips the colours where there is no
+//! Results as text with colours; the printer removes the colours where there is no
 //! terminal.
 
 mod aligned;

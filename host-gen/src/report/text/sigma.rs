@@ -26,8 +26,8 @@ impl Display for SigmaAnalysis {
     }
 }
 
-/// The maxima that stand half a dB above the valleys on either side; ripples
-/// of rounding between close frequencies do not.
+/// Indices of the maxima at least half a dB above the minima on either side: ripples from
+/// rounding between close frequencies are left out.
 fn peaks(db: &[f64]) -> Vec<usize> {
     const RISE: f64 = 0.5;
     let mut peaks = Vec::new();

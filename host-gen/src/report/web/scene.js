@@ -11,6 +11,11 @@ function moved(motion, reference, point) {
   return [motion[0] + b * z - c * y, motion[1] + c * x - a * z, motion[2] + a * y - b * x];
 }
 
+/// The largest of a list that may be too long for the arguments of Math.max.
+function largest(list) {
+  return list.reduce((a, b) => Math.max(a, b), -Infinity);
+}
+
 /// Draws `machine` (a report) into `host`, an element of fixed size.
 class Stage {
   constructor(host, machine) {
@@ -20,9 +25,9 @@ class Stage {
     const points = this.scene.nodes.map((n) => n.at).concat(this.scene.bodies.map((b) => b.cog));
     const middle = [0, 1, 2].map((i) => {
       const all = points.map((p) => p[i]);
-      return (Math.min(...all) + Math.max(...all)) / 2;
+      return (-largest(all.map((x) => -x)) + largest(all)) / 2;
     });
-    this.size = 2 * Math.max(...points.map((p) => Math.hypot(...p.map((x, i) => x - middle[i]))));
+    this.size = 2 * largest(points.map((p) => Math.hypot(...p.map((x, i) => x - middle[i]))));
     this.renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     host.append(this.renderer.domElement);
@@ -50,7 +55,7 @@ class Stage {
     this.phase = 0;
     this.largest = this.modes.map((mode) => {
       const lengths = this.scene.nodes.map((n) => Math.hypot(...this.shapeAt(mode, n)));
-      return Math.max(...lengths) || 1;
+      return largest(lengths) || 1;
     });
     this.tip = document.createElement("div");
     this.tip.className = "tip";
@@ -92,11 +97,13 @@ class Stage {
   build() {
     const { nodes, beams, bodies, accelerometers, force_sensors, floor } = this.scene;
     const thin = 0.011 * this.size;
-    // Bodies: the hull about their nodes, as thick as a plate; moved as a whole.
+    const carried = bodies.map(() => []);
+    for (const node of nodes) if (node.body !== null) carried[node.body].push(node.at);
+    // Bodies: the hull around their nodes, as thick as a plate; moved as a whole.
     this.bodies = bodies.map((body, index) => {
       const group = new THREE.Group();
       group.matrixAutoUpdate = false;
-      const own = nodes.filter((n) => n.body === index).map((n) => n.at);
+      const own = carried[index];
       const corners = (own.length ? own : [body.cog]).flatMap((p) => {
         const at = p.map((x, i) => x - body.cog[i]);
         const directions = [[1, 1], [1, -1], [-1, 1], [-1, -1]];
