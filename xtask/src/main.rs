@@ -78,6 +78,9 @@ enum Task {
     Page(Setup),
     /// The documentation: follows its links, runs its commands, builds the book.
     Docs(Setup),
+    /// Licences and sources of what the project builds on, and what is known against it
+    /// (advisories), by cargo-deny.
+    Deny(Setup),
     /// How long singular values and the closed loop take, and beside them the
     /// same in NumPy and SciPy where there is a Python with them.
     Speed,
@@ -156,6 +159,7 @@ fn main() -> ExitCode {
         }
         Task::Page(setup) => page(&setup),
         Task::Docs(setup) => docs(&setup),
+        Task::Deny(setup) => deny(&setup),
         Task::Speed => speed(),
         Task::Exudyn => exudyn(),
         Task::Build(setup) => Tools::find(!setup.no_install).and_then(|tools| {
@@ -297,7 +301,7 @@ fn docs(setup: &Setup) -> Outcome<()> {
 
 /// Builds the book, and holds the documentation against it.
 fn book(setup: &Setup) -> Outcome<()> {
-    let mdbook = tools::mdbook(!setup.no_install)?;
+    let mdbook = tools::MDBOOK.find(!setup.no_install)?;
     run(Command::new(mdbook).args(["build", "docs"]))?;
     run(&mut docs_command(Some("target/book"))?)
 }
@@ -402,6 +406,19 @@ fn bench(tools: &Tools, update: bool) -> Outcome<()> {
     } else {
         INSTRUCTIONS.compare(&counts)
     }
+}
+
+/// Advisories only where their database can be fetched; whether it was is said.
+fn deny(setup: &Setup) -> Outcome<()> {
+    let program = tools::CARGO_DENY.find(!setup.no_install)?;
+    let deny = || Command::new(&program);
+    run(deny().args(["--locked", "check", "licenses", "bans", "sources"]))?;
+    let fetched = deny().args(["fetch", "db"]).stderr(Stdio::null()).status();
+    if fetched.is_ok_and(|status| status.success()) {
+        return run(deny().args(["--locked", "check", "advisories"]));
+    }
+    println!("advisories NOT checked: their database cannot be fetched from here");
+    Ok(())
 }
 
 fn speed() -> Outcome<()> {

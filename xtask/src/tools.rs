@@ -119,33 +119,45 @@ pub fn chromium(install: bool) -> Outcome<()> {
     apt(&arguments)
 }
 
-/// mdBook: the one on the path, else one that cargo builds here.
-pub fn mdbook(install: bool) -> Outcome<PathBuf> {
-    const ROOT: &str = "target/tools";
-    if on_path("mdbook") {
-        return Ok(PathBuf::from("mdbook"));
+/// A program that is a crate, and the version that the project is tested with.
+pub struct Crate {
+    name: &'static str,
+    version: &'static str,
+}
+
+pub const MDBOOK: Crate = Crate {
+    name: "mdbook",
+    version: "0.5.4",
+};
+
+pub const CARGO_DENY: Crate = Crate {
+    name: "cargo-deny",
+    version: "0.20.2",
+};
+
+impl Crate {
+    /// The one on the path, else one that cargo builds here if `install`.
+    pub fn find(&self, install: bool) -> Outcome<PathBuf> {
+        const ROOT: &str = "target/tools";
+        let Self { name, version } = self;
+        if on_path(name) {
+            return Ok(PathBuf::from(name));
+        }
+        let own = Path::new(ROOT).join("bin").join(name);
+        if own.is_file() {
+            return Ok(own);
+        }
+        if !install {
+            return Err(format!(
+                "missing: {name}. Install it with cargo install {name} --locked, or leave out --no-install"
+            ));
+        }
+        println!("building {name}, which takes some minutes");
+        let mut command = crate::cargo();
+        command.args(["install", name, "--version", version, "--locked"]);
+        run(command.args(["--root", ROOT]))?;
+        Ok(own)
     }
-    let own = Path::new(ROOT).join("bin/mdbook");
-    if own.is_file() {
-        return Ok(own);
-    }
-    if !install {
-        return Err(
-            "missing: mdbook. Install it with cargo install mdbook --locked, or leave out --no-install"
-                .to_owned(),
-        );
-    }
-    println!("building mdbook, which takes some minutes");
-    run(crate::cargo().args([
-        "install",
-        "mdbook",
-        "--version",
-        "0.5.4",
-        "--locked",
-        "--root",
-        ROOT,
-    ]))?;
-    Ok(own)
 }
 
 /// The Debian packages that would supply what is not here.

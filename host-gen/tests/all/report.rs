@@ -276,14 +276,17 @@ fn side_by_side_shows_what_differs() {
         &[
             ("name", "\"b\""),
             ("bodies.frame.mass", "700.0"),
+            // The default, written out.
             ("gravity", "[0.0, 0.0, 0.0]"),
+            ("board.actuator.bandwidth", "50000.0"),
         ],
     ]);
     let json = value(&review);
     let both = &json["side_by_side"];
     let differences = both["differences"].as_array().unwrap();
     let keys: Vec<&str> = differences.iter().map(|d| d[0].as_str().unwrap()).collect();
-    assert_eq!(keys, ["name", "bodies.frame.mass", "gravity"]);
+    let changed = ["name", "bodies.frame.mass", "board.actuator.bandwidth"];
+    assert_eq!(keys, changed);
     assert_eq!(differences[1][1], serde_json::json!(["742.0", "700.0"]));
     assert_eq!(differences[2][1][0], Value::Null);
     let sigma = &chart(&review, "compared-sigma").series;

@@ -105,7 +105,7 @@ fn a_drawn_machine_is_one_that_could_be_typed() {
 fn bad_settings() {
     for (key, value, says) in [
         ("robustness.mass", "1.0", "below 1"),
-        ("robustness.cog", "-0.1", "not negative"),
+        ("robustness.cog", "-0.1", "at least 0 m"),
         ("robustness.samples", "0", "at least 1"),
         (
             "robustness.payload",
