@@ -7,7 +7,7 @@ use crate::tools::{TARGET, Tools};
 use crate::{Outcome, cargo, run};
 
 /// An emulated board.
-pub struct Board {
+pub struct EmulatedBoard {
     /// The emulator's name for it.
     pub machine: &'static str,
     /// Its core, for the compiler.
@@ -15,25 +15,25 @@ pub struct Board {
 }
 
 /// Both boards.
-pub const BOARDS: [Board; 2] = [
-    Board {
+pub const BOARDS: [EmulatedBoard; 2] = [
+    EmulatedBoard {
         machine: "mps2-an386",
         cpu: "cortex-m4",
     },
-    Board {
+    EmulatedBoard {
         machine: "mps2-an500",
         cpu: "cortex-m7",
     },
 ];
 
 /// The command that builds the emulated board's binaries, and the folder they are then in.
-pub fn building(board: &Board, tools: &Tools) -> (Command, PathBuf) {
+pub fn building(board: &EmulatedBoard, tools: &Tools) -> (Command, PathBuf) {
     let features = ["--no-default-features", "--features", "mps2"];
     building_for(board.machine, board.cpu, &features, tools)
 }
 
 /// Builds the emulated board's binaries; gives the folder they are in.
-pub fn build(board: &Board, tools: &Tools) -> Outcome<PathBuf> {
+pub fn build(board: &EmulatedBoard, tools: &Tools) -> Outcome<PathBuf> {
     let (mut command, folder) = building(board, tools);
     run(&mut command)?;
     Ok(folder)
@@ -77,7 +77,7 @@ fn building_for(name: &str, cpu: &str, arguments: &[&str], tools: &Tools) -> (Co
 }
 
 /// The emulator with an image loaded, its console on ours.
-pub fn emulator(board: &Board, image: &Path) -> Command {
+pub fn emulator(board: &EmulatedBoard, image: &Path) -> Command {
     let mut command = Command::new("qemu-system-arm");
     command
         .args(["-M", board.machine, "-display", "none", "-monitor", "none"])

@@ -7,7 +7,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use dialoguer::theme::ColorfulTheme;
 use dialoguer::{Input, Select};
-use host_gen::machine::Feedback;
+use host_gen::machine::FeedbackKind;
 use host_gen::machine::schema::schema;
 use host_gen::model::template::{Mounts, Outline};
 
@@ -48,7 +48,7 @@ pub struct NewArguments {
     internal: Option<f64>,
     /// Sensors to feed back.
     #[arg(long, value_parser = feedback())]
-    feedback: Option<Feedback>,
+    feedback: Option<FeedbackKind>,
     /// Target suspension frequency, Hz.
     #[arg(long)]
     frequency: Option<f64>,
@@ -60,8 +60,9 @@ pub struct NewArguments {
     output: Option<PathBuf>,
 }
 
-fn feedback() -> impl TypedValueParser<Value = Feedback> {
-    PossibleValuesParser::new(Feedback::ALL.map(Feedback::name)).try_map(|name| name.parse())
+fn feedback() -> impl TypedValueParser<Value = FeedbackKind> {
+    PossibleValuesParser::new(FeedbackKind::ALL.map(FeedbackKind::name))
+        .try_map(|name| name.parse())
 }
 
 fn mounts(text: &str) -> Result<Mounts, String> {
@@ -224,10 +225,10 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
     let kinds = [
         (
             "acceleration: accelerometers on the frame",
-            Feedback::Acceleration,
+            FeedbackKind::Acceleration,
         ),
-        ("force: force sensors in the legs", Feedback::Force),
-        ("both", Feedback::Both),
+        ("force: force sensors in the legs", FeedbackKind::Force),
+        ("both", FeedbackKind::Both),
     ];
     let feedback = ask.choice(a.feedback, "Feedback", &kinds)?;
     let frequency = number(

@@ -6,7 +6,7 @@ use shared::LEGS;
 use super::digest;
 use crate::closed_loop::Pole;
 use crate::design::{Design, DesignedStudy, Study, StudyError};
-use crate::machine::Feedback;
+use crate::machine::FeedbackKind;
 use crate::model::energy::{Kind, energies};
 use crate::plant::zeros::transmission_zeros;
 
@@ -77,8 +77,8 @@ impl MachineColumn {
             suspension_hz: of(Kind::Suspension),
             internal_hz: of(Kind::Internal),
             rigid_modes_hz: study.design_model().hertz(),
-            acceleration_zeros_hz: zeros(Feedback::Acceleration)?,
-            force_zeros_hz: zeros(Feedback::Force)?,
+            acceleration_zeros_hz: zeros(FeedbackKind::Acceleration)?,
+            force_zeros_hz: zeros(FeedbackKind::Force)?,
             largest_gain: study.gains().proportional.amax(),
             shaped: design.as_ref().ok().cloned(),
         })

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::{Rows, digest, rows};
 use crate::closed_loop::{Pole, ideal_poles};
 use crate::design::Study;
-use crate::machine::Feedback;
+use crate::machine::FeedbackKind;
 use crate::numeric::NumericError;
 use crate::plant::{Plant, StateSpace};
 
@@ -55,7 +55,7 @@ impl GainAnalysis {
             damping: machine.target.damping,
             // With both kinds of feedback, the gains are those of acceleration feedback.
             sensors: machine.sensor_names(match design.feedback {
-                Feedback::Both => Feedback::Acceleration,
+                FeedbackKind::Both => FeedbackKind::Acceleration,
                 one => one,
             }),
             actuators: machine.actuators.iter().map(beam).collect(),

@@ -7,7 +7,7 @@ use super::digest;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::DesignedStudy;
-use crate::machine::{Feedback, Machine};
+use crate::machine::{FeedbackKind, Machine};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::numeric::singular::largest_singular_value;
@@ -31,7 +31,7 @@ pub(crate) struct SigmaCurve {
     pub(crate) sigma_max: Vec<f64>,
     /// Kind of feedback and law; none without control.
     #[serde(skip)]
-    pub(crate) of: Option<(Feedback, LawKind)>,
+    pub(crate) of: Option<(FeedbackKind, LawKind)>,
 }
 
 /// The ideal law of the paper, or the sampled law of the board.
@@ -81,7 +81,7 @@ impl SigmaAnalysis {
             let name = study.design_model().feedback.name();
             // With both kinds of feedback, the ideal law is that of acceleration
             // feedback.
-            let own = study.design_model().feedback != Feedback::Both;
+            let own = study.design_model().feedback != FeedbackKind::Both;
             let ideal_holds = own && stable(&ideal);
             if own && !ideal_holds {
                 missing.push(format!("{name}, ideal: that loop is unstable"));
@@ -106,7 +106,7 @@ impl SigmaAnalysis {
             Frequencies::At(hz) => hz,
         };
         let curve =
-            |of: Option<(Feedback, LawKind)>, sigma: &(dyn Fn(f64) -> f64 + Sync)| SigmaCurve {
+            |of: Option<(FeedbackKind, LawKind)>, sigma: &(dyn Fn(f64) -> f64 + Sync)| SigmaCurve {
                 name: match of {
                     None => "open".to_owned(),
                     Some((kind, LawKind::Ideal)) => format!("{}, ideal", kind.name()),

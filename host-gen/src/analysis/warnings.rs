@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::design::Study;
-use crate::machine::{Certainty, Feedback, Provenance};
+use crate::machine::{Certainty, FeedbackKind, Provenance};
 use crate::model::gravity::buckling_load;
 use crate::numeric::NumericError;
 use crate::plant::zeros::{grow, transmission_zeros};
@@ -51,7 +51,7 @@ pub(crate) fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
         warnings.push("the machine is unstable under its own weight".to_owned());
     }
     let feedback = study.design_model().feedback;
-    if feedback != Feedback::Both
+    if feedback != FeedbackKind::Both
         && grow(&transmission_zeros(
             &study.plant().plant.state_space,
             feedback,

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix6;
 
-use crate::machine::{Feedback, Target};
+use crate::machine::{FeedbackKind, Target};
 use crate::model::design_model::{DesignModel, RigidModel};
 
 /// A proportional-integral law σ = −(P·y + I·∫y), Eq. (14).
@@ -38,12 +38,12 @@ impl Gains {
             mass, stiffness, ..
         } = &model.rigid;
         let (proportional, integral) = match model.feedback {
-            Feedback::Acceleration | Feedback::Both => {
+            FeedbackKind::Acceleration | FeedbackKind::Both => {
                 let virtual_mass = stiffness / (omega * omega) - mass;
                 let damping = (virtual_mass + mass) * (2.0 * target.damping * omega);
                 (virtual_mass, damping)
             }
-            Feedback::Force => {
+            FeedbackKind::Force => {
                 let inverse = (mass * (omega * omega))
                     .try_inverse()
                     .expect("the lumped mass is positive definite because every body's is");
@@ -90,8 +90,8 @@ impl ModalTransform {
             .try_inverse()
             .expect("the sensors were checked to be independent");
         let to_modes = match model.feedback {
-            Feedback::Acceleration | Feedback::Both => inverse,
-            Feedback::Force => model.modal.transpose(),
+            FeedbackKind::Acceleration | FeedbackKind::Both => inverse,
+            FeedbackKind::Force => model.modal.transpose(),
         };
         // Entries that are zero by symmetry differ from zero by rounding, and not by the same on
         // every processor.

@@ -11,7 +11,7 @@ use super::gains::{Gains, ModalTransform};
 use super::law::LinearLaw;
 use super::shape::Shape;
 use super::supervision::{self_test, supervision};
-use crate::machine::{Feedback, Machine, Target};
+use crate::machine::{FeedbackKind, Machine, Target};
 use crate::model::design_model::DesignModel;
 use crate::plant::SampledPlant;
 
@@ -145,8 +145,8 @@ fn with_paths(
         sample_rate: board.sample_rate as f32,
         latch: board.latch_delay as f32,
         feedback: match target.feedback {
-            Feedback::Acceleration | Feedback::Both => table::Feedback::Acceleration,
-            Feedback::Force => table::Feedback::Force,
+            FeedbackKind::Acceleration | FeedbackKind::Both => table::Feedback::Acceleration,
+            FeedbackKind::Force => table::Feedback::Force,
         },
         sensors: [board.adc.calibration(board.sensor.sensitivity); LEGS],
         adc_max: board.adc.max(),

@@ -17,7 +17,7 @@ use crate::closed_loop::sensitivity::ELSEWHERE;
 use crate::control::gains::ModalTransform;
 use crate::control::law::{ac_coupling, channel_response, low_pass};
 use crate::control::{Shape, table};
-use crate::machine::{Feedback, Machine, Minimise, Target};
+use crate::machine::{FeedbackKind, Machine, Minimise, Target};
 use crate::model::design_model::DesignModel;
 use crate::numeric::frequencies::grid;
 use crate::numeric::singular::{largest_singular_value, smallest_is_above};
@@ -199,7 +199,7 @@ impl<'a> Objective<'a> {
 
     /// Whether there are two kinds of sensors.
     pub(super) fn both(&self) -> bool {
-        self.target.feedback == Feedback::Both
+        self.target.feedback == FeedbackKind::Both
     }
 
     /// The level to minimise, dB relative to the references. [`MISSED`] or more if the

@@ -20,7 +20,7 @@ use crate::closed_loop::{
     LoopGrid, PeakSensitivity, SLOWEST, SampledLoop, close_ideal, ideal_poles, stable,
 };
 use crate::control::{Gains, LinearLaw, table};
-use crate::machine::{DESIGN_SAMPLES, Feedback, LawName, Target};
+use crate::machine::{DESIGN_SAMPLES, FeedbackKind, LawName, Target};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::plant::zeros::{grow, transmission_zeros};
@@ -149,7 +149,7 @@ impl Reach<'_> {
                 target.max_sensitivity
             ),
         };
-        if target.feedback != Feedback::Both {
+        if target.feedback != FeedbackKind::Both {
             let plant = &self.study.plant().plant.state_space;
             if grow(&transmission_zeros(plant, target.feedback)?) {
                 reason += ", and no gain can stabilise it: with the sensor outputs held at zero, the machine is unstable under gravity (see host-gen zeros); make the legs stiffer sideways";

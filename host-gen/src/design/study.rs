@@ -2,7 +2,7 @@
 //! model, ideal gains, sampled plant.
 
 use crate::control::Gains;
-use crate::machine::{Feedback, Machine, MachineError};
+use crate::machine::{FeedbackKind, Machine, MachineError};
 use crate::model::design_model::DesignModel;
 use crate::model::multibody::Multibody;
 use crate::plant::{Plant, SampledPlant};
@@ -46,7 +46,7 @@ impl Study {
     /// # Errors
     /// [`MachineError`] with the entry at fault, as [`Study::new`].
     pub fn of_each_kind(machine: &Machine) -> Result<Vec<Self>, MachineError> {
-        let kinds = [Feedback::Acceleration, Feedback::Force];
+        let kinds = [FeedbackKind::Acceleration, FeedbackKind::Force];
         let machines = kinds.map(|feedback| machine.with_feedback(feedback));
         machines.into_iter().flatten().map(Self::new).collect()
     }

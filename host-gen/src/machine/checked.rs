@@ -11,7 +11,8 @@ use shared::table::ModelDigest;
 
 use super::error::{EntryError, MachineError};
 use super::file::{
-    Feedback, LawName, MachineFile, Minimise, Provenance, ShapeEntry, Simulation, Supervision,
+    FeedbackKind, LawName, MachineFile, Minimise, Provenance, ShapeEntry, Simulation,
+    SupervisionSettings,
 };
 use super::source::Source;
 
@@ -52,7 +53,7 @@ pub struct Machine {
     /// The board.
     pub board: Board,
     /// Limits and times of the supervisor.
-    pub supervision: Supervision,
+    pub supervision: SupervisionSettings,
     /// Settings of the standard simulation.
     pub simulation: Simulation,
     /// Settings of the Monte Carlo run.
@@ -175,7 +176,7 @@ pub enum Performance {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// Sensors to feed back.
-    pub feedback: Feedback,
+    pub feedback: FeedbackKind,
     /// Suspension frequency ω_n/2π, Hz.
     pub frequency: f64,
     /// Damping ratio ζ_n of the suspension (no unit).
@@ -271,13 +272,13 @@ pub struct Sensor {
 impl Machine {
     /// The same machine with other sensors fed back; None if it or its board does not have
     /// them.
-    pub fn with_feedback(&self, feedback: Feedback) -> Option<Self> {
+    pub fn with_feedback(&self, feedback: FeedbackKind) -> Option<Self> {
         let accelerometer = self.accelerometers.as_ref().and(self.board.accelerometer);
         let force_sensor = self.force_sensors.and(self.board.force_sensor);
         let (sensor, beside) = match feedback {
-            Feedback::Acceleration => (accelerometer?, None),
-            Feedback::Force => (force_sensor?, None),
-            Feedback::Both => (accelerometer?, Some(force_sensor?)),
+            FeedbackKind::Acceleration => (accelerometer?, None),
+            FeedbackKind::Force => (force_sensor?, None),
+            FeedbackKind::Both => (accelerometer?, Some(force_sensor?)),
         };
         let mut machine = self.clone();
         machine.target.feedback = feedback;
@@ -291,9 +292,13 @@ impl Machine {
     /// force, both.
     pub fn by_feedback(&self) -> Vec<Self> {
         let mut machines = Vec::new();
-        for feedback in [Feedback::Acceleration, Feedback::Force, Feedback::Both] {
+        for feedback in [
+            FeedbackKind::Acceleration,
+            FeedbackKind::Force,
+            FeedbackKind::Both,
+        ] {
             // Only the modal law takes both kinds.
-            if feedback == Feedback::Both && self.target.law == LawName::Direct {
+            if feedback == FeedbackKind::Both && self.target.law == LawName::Direct {
                 continue;
             }
             machines.extend(self.with_feedback(feedback));
@@ -402,14 +407,14 @@ impl Machine {
 
     /// Names of the sensors that `feedback` uses, in channel order; a force sensor has the
     /// name of its leg.
-    pub fn sensor_names(&self, feedback: Feedback) -> Vec<String> {
+    pub fn sensor_names(&self, feedback: FeedbackKind) -> Vec<String> {
         let accelerometers = || self.accelerometers.iter().flatten();
         let legs = || self.force_sensors.iter().flatten();
         let mut names = Vec::new();
-        if feedback != Feedback::Force {
+        if feedback != FeedbackKind::Force {
             names.extend(accelerometers().map(|sensor| sensor.name.clone()));
         }
-        if feedback != Feedback::Acceleration {
+        if feedback != FeedbackKind::Acceleration {
             names.extend(legs().map(|&leg| self.beams[leg].name.clone()));
         }
         names

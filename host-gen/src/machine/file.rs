@@ -15,7 +15,7 @@
 //! use std::f64::consts::TAU;
 //!
 //! use host_gen::machine::file::*;
-//! use host_gen::machine::{Feedback, LawName, Machine, Minimise, Simulation, Supervision};
+//! use host_gen::machine::{FeedbackKind, LawName, Machine, Minimise, Simulation, SupervisionSettings};
 //!
 //! let on_circle = |radius: f64, degrees: f64, z: f64| {
 //!     let (sin, cos) = degrees.to_radians().sin_cos();
@@ -38,7 +38,7 @@
 //!     performance: PerformanceEntry::default(),
 //!     damping: DampingEntry::default(),
 //!     control: ControlEntry {
-//!         feedback: Feedback::Acceleration,
+//!         feedback: FeedbackKind::Acceleration,
 //!         frequency: 2.0,
 //!         damping: 0.7,
 //!         max_sensitivity: 2.0,
@@ -60,7 +60,7 @@
 //!         force_sensor: None,
 //!         actuator: ActuatorEntry { gain: 100.0, limit: 200.0, bandwidth: None },
 //!     },
-//!     supervision: Supervision::default(),
+//!     supervision: SupervisionSettings::default(),
 //!     simulation: Simulation::default(),
 //!     robustness: RobustnessEntry::default(),
 //!     provenance: Vec::new(),
@@ -175,7 +175,7 @@ pub struct MachineFile {
     pub board: BoardEntry,
     /// Limits and times of the supervisor.
     #[serde(default)]
-    pub supervision: Supervision,
+    pub supervision: SupervisionSettings,
     /// Settings of the standard simulation. Part of the digest only as far as the search for
     /// the controller reads them: `floor_band`, with `minimise = "rms"`.
     #[serde(default, skip_serializing)]
@@ -383,7 +383,7 @@ pub struct DampingEntry {
 #[serde(deny_unknown_fields)]
 pub struct ControlEntry {
     /// Sensors to feed back: `"acceleration"`, `"force"` or `"both"`.
-    pub feedback: Feedback,
+    pub feedback: FeedbackKind,
     /// Target suspension frequency ω_n/2π, Hz. Above 0.
     pub frequency: f64,
     /// Target damping ratio ζ_n of the suspension (no unit), not negative.
@@ -462,7 +462,7 @@ fn two() -> f64 {
 /// Sensors that the loop feeds back.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
-pub enum Feedback {
+pub enum FeedbackKind {
     /// Accelerometers on the frame, Eq. (12).
     Acceleration,
     /// Force sensors in the legs, Eq. (11).
@@ -471,7 +471,7 @@ pub enum Feedback {
     Both,
 }
 
-impl Feedback {
+impl FeedbackKind {
     /// All kinds.
     pub const ALL: [Self; 3] = [Self::Acceleration, Self::Force, Self::Both];
 
@@ -490,7 +490,7 @@ impl Feedback {
 #[error("not a kind of feedback: write acceleration, force or both")]
 pub struct UnknownFeedback;
 
-impl core::str::FromStr for Feedback {
+impl core::str::FromStr for FeedbackKind {
     type Err = UnknownFeedback;
 
     fn from_str(name: &str) -> Result<Self, UnknownFeedback> {
@@ -583,7 +583,7 @@ pub struct ActuatorEntry {
 /// `[supervision]`: limits and times of the supervisor.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Supervision {
+pub struct SupervisionSettings {
     /// Duration of a soft start or soft stop without the waiting time, s.
     pub soft_start: f64,
     /// Waiting time at low gain within a soft start, s. The machine comes to rest, then the
@@ -645,7 +645,7 @@ pub struct Supervision {
     pub test_tolerance: f64,
 }
 
-impl Default for Supervision {
+impl Default for SupervisionSettings {
     fn default() -> Self {
         Self {
             soft_start: 2.0,

@@ -34,8 +34,8 @@ pub use checked::{
 pub(crate) use error::EntryError;
 pub use error::MachineError;
 pub use file::{
-    Certainty, Feedback, LawName, MachineFile, Minimise, Provenance, ResonanceEntry, ShapeEntry,
-    Simulation, Supervision, UnknownFeedback,
+    Certainty, FeedbackKind, LawName, MachineFile, Minimise, Provenance, ResonanceEntry,
+    ShapeEntry, Simulation, SupervisionSettings, UnknownFeedback,
 };
 use source::Source;
 

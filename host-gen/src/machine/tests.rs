@@ -167,7 +167,7 @@ fn frame() -> MachineFile {
             rayleigh: None,
         },
         control: ControlEntry {
-            feedback: Feedback::Acceleration,
+            feedback: FeedbackKind::Acceleration,
             frequency: 1.0,
             damping: 0.7,
             max_sensitivity: 2.0,
@@ -197,7 +197,7 @@ fn frame() -> MachineFile {
                 bandwidth: None,
             },
         },
-        supervision: Supervision::default(),
+        supervision: SupervisionSettings::default(),
         simulation: Simulation::default(),
         robustness: RobustnessEntry::default(),
         provenance: Vec::new(),

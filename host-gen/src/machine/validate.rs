@@ -15,9 +15,9 @@ use super::checked::{
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
-    BoardEntry, BodyEntry, ControlEntry, DampingEntry, DirectionEntry, Feedback, ForceSensorEntry,
-    Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, SensorEntry,
-    ShapeEntry, Simulation, Supervision,
+    BoardEntry, BodyEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind,
+    ForceSensorEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry,
+    SensorEntry, ShapeEntry, Simulation, SupervisionSettings,
 };
 use super::source::{Source, has};
 
@@ -152,13 +152,13 @@ fn check(file: MachineFile) -> Checked<Machine> {
 
     let target = target(&file.control)?;
     match (target.feedback, &accelerometers, &force_sensors) {
-        (Feedback::Acceleration | Feedback::Both, None, _) => {
+        (FeedbackKind::Acceleration | FeedbackKind::Both, None, _) => {
             return Err(
                 EntryError::new("sensors", "acceleration feedback needs accelerometers")
                     .fix("add six under sensors.acceleration"),
             );
         }
-        (Feedback::Force | Feedback::Both, _, None) => {
+        (FeedbackKind::Force | FeedbackKind::Both, _, None) => {
             return Err(
                 EntryError::new("sensors", "force feedback needs force sensors")
                     .fix("add one for each leg under sensors.force"),
@@ -578,7 +578,7 @@ fn target(control: &ControlEntry) -> Checked<Target> {
         max_sensitivity > 1.0,
         "be above 1",
     )?;
-    if control.feedback == Feedback::Both && control.law == LawName::Direct {
+    if control.feedback == FeedbackKind::Both && control.law == LawName::Direct {
         return Err(EntryError::new(
             "control.law",
             "feedback = \"both\" needs law = \"modal\"",
@@ -630,17 +630,17 @@ fn shapes(control: &ControlEntry, sample_rate: f64) -> Checked<Option<[ShapeEntr
             positive(&key(&format!("{name}.damping")), pair.damping, "")?;
         }
         match (shape.split_hz, control.feedback) {
-            (Some(hz), Feedback::Both) => {
+            (Some(hz), FeedbackKind::Both) => {
                 corner(&key("split_hz"), hz)?;
             }
-            (None, Feedback::Acceleration | Feedback::Force) => {}
-            (None, Feedback::Both) => {
+            (None, FeedbackKind::Acceleration | FeedbackKind::Force) => {}
+            (None, FeedbackKind::Both) => {
                 return Err(EntryError::new(
                     format!("{place}[{i}]"),
                     "missing key `split_hz`, which feedback = \"both\" needs",
                 ));
             }
-            (Some(_), Feedback::Acceleration | Feedback::Force) => {
+            (Some(_), FeedbackKind::Acceleration | FeedbackKind::Force) => {
                 return Err(EntryError::new(
                     key("split_hz"),
                     "there is nothing to split: only feedback = \"both\" has two kinds of sensors",
@@ -651,7 +651,7 @@ fn shapes(control: &ControlEntry, sample_rate: f64) -> Checked<Option<[ShapeEntr
     Ok(Some(six))
 }
 
-fn board(spec: &BoardEntry, feedback: Feedback) -> Checked<Board> {
+fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
     let accelerometer = board_sensor("board.accelerometer", spec.accelerometer.as_ref())?;
     let force_sensor = board_sensor("board.force_sensor", spec.force_sensor.as_ref())?;
     let there = |sensor: Option<Sensor>, name| {
@@ -663,9 +663,9 @@ fn board(spec: &BoardEntry, feedback: Feedback) -> Checked<Board> {
         })
     };
     let (sensor, beside) = match feedback {
-        Feedback::Acceleration => (there(accelerometer, "accelerometer")?, None),
-        Feedback::Force => (there(force_sensor, "force_sensor")?, None),
-        Feedback::Both => (
+        FeedbackKind::Acceleration => (there(accelerometer, "accelerometer")?, None),
+        FeedbackKind::Force => (there(force_sensor, "force_sensor")?, None),
+        FeedbackKind::Both => (
             there(accelerometer, "accelerometer")?,
             Some(there(force_sensor, "force_sensor")?),
         ),
@@ -742,7 +742,7 @@ fn bandwidth(entry: &str, hz: Option<f64>) -> Checked<Option<f64>> {
     hz.map(|hz| positive(entry, hz, "Hz")).transpose()
 }
 
-fn supervision(s: &Supervision, sample_rate: f64) -> Checked<()> {
+fn supervision(s: &SupervisionSettings, sample_rate: f64) -> Checked<()> {
     // What fits the table's counters, and the sums over a window.
     let longest = f64::from(1 << 20) / sample_rate;
     let time = |key: &str, time: f64, samples: u32| {

@@ -8,7 +8,7 @@ use shared::LEGS;
 
 use super::independence::{dependent, reach};
 use super::multibody::Multibody;
-use crate::machine::{EntryError, Feedback, Machine, MachineError};
+use crate::machine::{EntryError, FeedbackKind, Machine, MachineError};
 use crate::numeric::eigen::generalised_eigen;
 use crate::numeric::six::{to_dynamic, to_six};
 
@@ -31,7 +31,7 @@ pub struct DesignModel {
     /// from leg forces in the order of the actuators. `None` with one kind.
     pub beside: Option<Matrix6<f64>>,
     /// The kind of sensors that are fed back.
-    pub feedback: Feedback,
+    pub feedback: FeedbackKind,
 }
 
 impl DesignModel {
@@ -46,7 +46,7 @@ impl DesignModel {
     pub fn new(
         machine: &Machine,
         model: &Multibody,
-        feedback: Feedback,
+        feedback: FeedbackKind,
     ) -> Result<Self, MachineError> {
         let rigid = RigidModel::new(machine, model)?;
         let (squares, mut shapes) =
@@ -54,14 +54,14 @@ impl DesignModel {
                 .expect("the lumped mass is positive definite because every body's is");
         canonical(&squares, &mut shapes);
         let sensing = match feedback {
-            Feedback::Acceleration | Feedback::Both => {
+            FeedbackKind::Acceleration | FeedbackKind::Both => {
                 acceleration_sensing(machine, model, &rigid)?
             }
-            Feedback::Force => force_sensing(machine)?,
+            FeedbackKind::Force => force_sensing(machine)?,
         };
         let beside = match feedback {
-            Feedback::Both => Some(force_sensing(machine)?),
-            Feedback::Acceleration | Feedback::Force => None,
+            FeedbackKind::Both => Some(force_sensing(machine)?),
+            FeedbackKind::Acceleration | FeedbackKind::Force => None,
         };
         Ok(Self {
             omega: core::array::from_fn(|i| squares[i].max(0.0).sqrt()),

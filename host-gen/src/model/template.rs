@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::energy::{Kind, energies};
 use super::multibody::Multibody;
-use crate::machine::{Feedback, Machine, MachineError};
+use crate::machine::{FeedbackKind, Machine, MachineError};
 
 /// Number of mounts on the frame. There are six legs in all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +45,7 @@ pub struct Outline {
     /// Approximate frequency of the payload's internal modes on the frame, Hz.
     pub internal: f64,
     /// Sensors to feed back.
-    pub feedback: Feedback,
+    pub feedback: FeedbackKind,
     /// Target suspension frequency, Hz.
     pub frequency: f64,
 }
@@ -64,7 +64,7 @@ impl Default for Outline {
             payload_mass: 850.0,
             payload_below: 0.1,
             internal: 90.0,
-            feedback: Feedback::Acceleration,
+            feedback: FeedbackKind::Acceleration,
             frequency: 1.0,
         }
     }
@@ -398,7 +398,11 @@ impl Outline {
     }
 
     fn write_rest(&self, f: &mut String, payload: bool) -> core::fmt::Result {
-        let kinds = [Feedback::Acceleration, Feedback::Force, Feedback::Both];
+        let kinds = [
+            FeedbackKind::Acceleration,
+            FeedbackKind::Force,
+            FeedbackKind::Both,
+        ];
         let others = kinds.into_iter().filter(|kind| *kind != self.feedback);
         writeln!(
             f,
@@ -454,7 +458,7 @@ from = "host-gen new: a disc on a circle of mounts, legs as slender as in Table 
 entries = ["nodes", "bodies.frame", "profiles.leg"]
 "#,
             self.feedback.name(),
-            names(others.map(Feedback::name)),
+            names(others.map(FeedbackKind::name)),
             self.frequency
         )?;
         if payload {

@@ -15,7 +15,7 @@ use shared::LEGS;
 use super::partial_fractions::PlantPole;
 use super::response::{Response, Terms, continuous};
 use super::state_space::{INPUTS, Outputs, StateSpace};
-use crate::machine::{EntryError, Feedback, Machine, MachineError, Performance};
+use crate::machine::{EntryError, FeedbackKind, Machine, MachineError, Performance};
 use crate::model::beam::deformation_stiffness;
 use crate::model::design_model::DesignModel;
 use crate::model::multibody::{Modes, Multibody};
@@ -62,12 +62,12 @@ impl Plant {
         let actuators = shapes.transpose() * model.elongations.transpose();
 
         let sensors = match design.feedback {
-            Feedback::Acceleration | Feedback::Force => LEGS,
-            Feedback::Both => 2 * LEGS,
+            FeedbackKind::Acceleration | FeedbackKind::Force => LEGS,
+            FeedbackKind::Both => 2 * LEGS,
         };
         let count = machine.performance.len();
         let mut out = Outputs::zeros(sensors + count + 2 * LEGS + 3, n);
-        if design.feedback != Feedback::Force {
+        if design.feedback != FeedbackKind::Force {
             let all = machine.accelerometers.iter().flatten();
             for (i, sensor) in all.enumerate() {
                 let (relative, ride) = model.direction(machine, sensor);
@@ -76,7 +76,7 @@ impl Plant {
                 out.floor.row_mut(i).copy_from(&(ride * floor_inverse));
             }
         }
-        if design.feedback != Feedback::Acceleration {
+        if design.feedback != FeedbackKind::Acceleration {
             // y = σ − (EA/L)·e1, Eq. (11): like σ, positive if it pushes the frame away from the
             // foot.
             let all = machine.force_sensors.iter().flatten();
@@ -179,11 +179,11 @@ impl Plant {
         let s = &design.modal;
         let mut out = Outputs::zeros(LEGS, LEGS);
         match design.feedback {
-            Feedback::Acceleration | Feedback::Both => out
+            FeedbackKind::Acceleration | FeedbackKind::Both => out
                 .acceleration
                 .rows_mut(0, LEGS)
                 .copy_from(&(design.sensing * s)),
-            Feedback::Force => {
+            FeedbackKind::Force => {
                 let displacement = -(design.sensing * design.rigid.stiffness * s);
                 out.displacement.rows_mut(0, LEGS).copy_from(&displacement);
                 out.actuators.rows_mut(0, LEGS).copy_from(&design.sensing);

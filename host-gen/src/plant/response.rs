@@ -32,7 +32,7 @@ pub(super) fn continuous<'a>(
     [value, slope]: &'a [DMatrix<f64>; 2],
     hz: f64,
     hold: Complex<f64>,
-) -> Part<'a> {
+) -> ResponsePart<'a> {
     let s = Complex::new(0.0, TAU * hz);
     // 1/(s − λ) minus its value and slope at s = 0.
     let passes = |_, lambda: Complex<f64>| {
@@ -40,7 +40,7 @@ pub(super) fn continuous<'a>(
         let gain = ratio * ratio / (s - lambda);
         [gain, gain * hold]
     };
-    Part {
+    ResponsePart {
         direct: [
             Some((value, [Complex::ONE, hold])),
             Some((slope, [s, s * hold])),
@@ -116,15 +116,15 @@ impl Terms {
 #[derive(Clone, Debug)]
 pub struct Response<'a> {
     pub(super) terms: &'a Terms,
-    pub(super) part: Part<'a>,
+    pub(super) part: ResponsePart<'a>,
     /// For a sampled plant, the response from the samples of the forces to those of the sensors.
-    pub(super) sampled: Option<Part<'a>>,
+    pub(super) sampled: Option<ResponsePart<'a>>,
     pub(super) sensors: usize,
 }
 
 /// The factors of [`Terms`] at one frequency, and the matrices to add.
 #[derive(Clone, Debug)]
-pub(super) struct Part<'a> {
+pub(super) struct ResponsePart<'a> {
     /// The real matrices that the poles' contributions are added to.
     pub(super) direct: [Option<Scaled<'a>>; 2],
     /// For each pole, for floor and forces: the factors of the two outputs of its terms.
@@ -182,7 +182,7 @@ impl Response<'_> {
     }
 }
 
-impl Part<'_> {
+impl ResponsePart<'_> {
     /// The block from the floor (`group` 0) or the leg forces (`group` 1) to these rows.
     fn block(&self, terms: &Terms, rows: Range<usize>, group: usize) -> Gain {
         let Terms {

@@ -7,7 +7,7 @@ use shared::LEGS;
 
 use super::generalised::Plant;
 use super::lags::Lagged;
-use super::response::{Part, Response, continuous, gains};
+use super::response::{Response, ResponsePart, continuous, gains};
 use crate::machine::Board;
 
 /// The exact change of one pole's state over a sample period T.
@@ -213,7 +213,7 @@ impl SampledPlant {
             terms,
             sensors: self.plant.sensors,
             part: continuous(poles, slow, hz, hold),
-            sampled: Some(Part {
+            sampled: Some(ResponsePart {
                 direct: [Some((direct, [Complex::ZERO, seen])), None],
                 gains: gains(poles, passes),
             }),

@@ -9,7 +9,7 @@ use nalgebra::{Complex, DMatrix};
 use shared::LEGS;
 
 use super::state_space::StateSpace;
-use crate::machine::Feedback;
+use crate::machine::FeedbackKind;
 use crate::numeric::NumericError;
 use crate::numeric::eigen::{eigenvalues, generalised_eigenvalues};
 
@@ -39,12 +39,12 @@ pub fn grow(zeros: &[Complex<f64>]) -> bool {
 /// [`NumericError::NotConverged`] if an eigenvalue iteration does not converge.
 pub fn transmission_zeros(
     plant: &StateSpace,
-    feedback: Feedback,
+    feedback: FeedbackKind,
 ) -> Result<Vec<Complex<f64>>, NumericError> {
     match feedback {
-        Feedback::Acceleration => of_six(plant, 0, true),
-        Feedback::Force => of_six(plant, 0, false),
-        Feedback::Both => {
+        FeedbackKind::Acceleration => of_six(plant, 0, true),
+        FeedbackKind::Force => of_six(plant, 0, false),
+        FeedbackKind::Both => {
             let accelerometers = of_six(plant, 0, true)?;
             Ok([accelerometers, of_six(plant, LEGS, false)?].concat())
         }

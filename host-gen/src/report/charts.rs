@@ -12,7 +12,7 @@ use crate::closed_loop::isolation::isolation_band;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, Study};
-use crate::machine::{Beam, Carrier, Feedback, Machine};
+use crate::machine::{Beam, Carrier, FeedbackKind, Machine};
 use crate::model::energy::{Kind, energies};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
@@ -30,11 +30,11 @@ fn hertz() -> Axis {
     Axis::log("frequency, Hz")
 }
 
-fn colour(feedback: Feedback) -> Colour {
+fn colour(feedback: FeedbackKind) -> Colour {
     match feedback {
-        Feedback::Acceleration => Colour::Acceleration,
-        Feedback::Force => Colour::Force,
-        Feedback::Both => Colour::Both,
+        FeedbackKind::Acceleration => Colour::Acceleration,
+        FeedbackKind::Force => Colour::Force,
+        FeedbackKind::Both => Colour::Both,
     }
 }
 
@@ -44,7 +44,7 @@ fn limit(name: impl Into<String>, from: f64, to: f64, y: f64) -> Series {
 }
 
 /// σ_max(G11), Fig. 5. `own` is the feedback of the machine's file.
-pub fn sigma(sigma: &SigmaAnalysis, own: Feedback) -> Chart {
+pub fn sigma(sigma: &SigmaAnalysis, own: FeedbackKind) -> Chart {
     let series = sigma.curves.iter().map(|curve| {
         let points = sigma.hz.iter().zip(&curve.sigma_max);
         let points = points.map(|(hz, sigma)| (*hz, db(*sigma)));
@@ -249,7 +249,7 @@ pub fn frequencies(studies: &[DesignedStudy]) -> Result<Chart, NumericError> {
         };
         // With both kinds of feedback, each kind has its own zeros, and the ideal loop is
         // that of acceleration feedback.
-        if feedback != Feedback::Both {
+        if feedback != FeedbackKind::Both {
             let zeros = transmission_zeros(space, feedback)?;
             add(format!("{name}: zeros"), zeros);
             let ideal = ideal_poles(space, study.gains())?;

@@ -17,7 +17,7 @@ use crate::analysis::warnings::{Statement, warnings};
 use crate::analysis::zeros::ZeroAnalysis;
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, Search, Study, StudyError};
-use crate::machine::{Feedback, Machine};
+use crate::machine::{FeedbackKind, Machine};
 use crate::simulate::run::{Comparison, compare};
 use crate::simulate::session::{Phase, history};
 use chart::{Chart, laid_over};
@@ -181,7 +181,7 @@ impl Report {
             });
         }
         let gains = studies.iter().map(|l| &l.study);
-        let gains = gains.filter(|study| study.design_model().feedback != Feedback::Both);
+        let gains = gains.filter(|study| study.design_model().feedback != FeedbackKind::Both);
         Ok(Self {
             machine: machine.name.clone(),
             model_sha256: digest(machine),

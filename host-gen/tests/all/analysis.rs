@@ -9,7 +9,7 @@ use crate::common::{assert_digits, edited, frame, model_path, search, study};
 use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
 use host_gen::closed_loop::ideal_poles;
 use host_gen::design::{DesignedStudy, Study};
-use host_gen::machine::Feedback;
+use host_gen::machine::FeedbackKind;
 use host_gen::machine::Machine;
 use host_gen::model::energy::{Kind, energies};
 use host_gen::model::gravity::buckling_load;
@@ -208,8 +208,9 @@ fn the_low_parasitic_legs_cannot_carry_the_machine() {
     let low = model_with_gravity("low-parasitic.toml");
     assert!(margin(&frame) > 14.0 && margin(&low) < 1.0);
     let grows = |study: &Study| {
-        let study = Study::new(study.machine().with_feedback(Feedback::Force).unwrap()).unwrap();
-        grow(&transmission_zeros(&study.plant().plant.state_space, Feedback::Force).unwrap())
+        let study =
+            Study::new(study.machine().with_feedback(FeedbackKind::Force).unwrap()).unwrap();
+        grow(&transmission_zeros(&study.plant().plant.state_space, FeedbackKind::Force).unwrap())
     };
     assert!(!grows(&frame));
     assert!(grows(&low));

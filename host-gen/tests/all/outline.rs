@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::common::{model_path, model_text, search};
 use host_gen::design::Study;
 use host_gen::machine::schema::schema;
-use host_gen::machine::{Feedback, Machine};
+use host_gen::machine::{FeedbackKind, Machine};
 use host_gen::model::template::{Mounts, Outline};
 use jsonschema::Validator;
 use proptest::prelude::*;
@@ -82,15 +82,15 @@ fn the_usual_machine_has_a_controller() {
 fn the_file_names_the_other_choices() {
     for (feedback, line) in [
         (
-            Feedback::Acceleration,
+            FeedbackKind::Acceleration,
             r#"feedback = "acceleration" # or "force", "both""#,
         ),
         (
-            Feedback::Force,
+            FeedbackKind::Force,
             r#"feedback = "force" # or "acceleration", "both""#,
         ),
         (
-            Feedback::Both,
+            FeedbackKind::Both,
             r#"feedback = "both" # or "acceleration", "force""#,
         ),
     ] {
@@ -130,7 +130,7 @@ proptest! {
             payload_mass,
             payload_below,
             internal,
-            feedback: Feedback::Acceleration,
+            feedback: FeedbackKind::Acceleration,
             ..Outline::default()
         };
         let study = study(&outline);

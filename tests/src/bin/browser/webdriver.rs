@@ -24,7 +24,7 @@ pub struct Browser {
 
 /// A line of the browser's console.
 #[derive(Deserialize)]
-struct Entry {
+struct LogEntry {
     /// "SEVERE", "WARNING", "INFO" or "DEBUG".
     level: String,
     /// Who wrote it: "console-api", "javascript", "network" and others.
@@ -133,8 +133,8 @@ impl Browser {
     /// pictures is slow.
     pub fn errors(&self) -> Result<Vec<String>> {
         let entries = self.post("/se/log", &json!({ "type": "browser" }))?;
-        let entries: Vec<Entry> = serde_json::from_value(entries)?;
-        let wrong = |entry: &Entry| entry.level == "SEVERE" || entry.source == "console-api";
+        let entries: Vec<LogEntry> = serde_json::from_value(entries)?;
+        let wrong = |entry: &LogEntry| entry.level == "SEVERE" || entry.source == "console-api";
         let wrong = entries.into_iter().filter(wrong);
         Ok(wrong.map(|entry| entry.message).collect())
     }
