@@ -5,7 +5,8 @@ use serde::Serialize;
 use shared::table::ValidTable;
 
 use super::digest;
-use crate::closed_loop::isolation::{corner, highest_db, isolation_band};
+use crate::closed_loop::bands::highest_db;
+use crate::closed_loop::isolation::{corner, isolation_band};
 use crate::closed_loop::{SLOWEST, SampledLoop, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::{Band, Study, StudyError};

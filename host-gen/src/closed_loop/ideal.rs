@@ -5,10 +5,44 @@ use core::ops::Range;
 use nalgebra::{Complex, DMatrix, Matrix6, Matrix6xX};
 use shared::LEGS;
 
+use super::isolation::{corner, isolation_band};
 use crate::control::Gains;
+use crate::machine::Target;
+use crate::model::design_model::DesignModel;
 use crate::numeric::NumericError;
 use crate::numeric::eigen::eigenvalues;
+use crate::numeric::frequencies::pole_peaks;
 use crate::plant::{Control, Gain, Plant, StateSpace};
+
+/// The ideal loop for one target.
+pub struct IdealLoop {
+    /// The ideal gains.
+    pub gains: Gains,
+    /// The poles, as [`ideal_poles`] gives them, rad/s.
+    pub poles: Vec<Complex<f64>>,
+    /// The corner frequency of isolation, Hz.
+    pub isolation_from_hz: f64,
+}
+
+impl IdealLoop {
+    /// The loop of `plant` with the gains that `target` needs on the design model.
+    ///
+    /// # Errors
+    /// As [`ideal_poles`].
+    pub fn new(plant: &Plant, model: &DesignModel, target: &Target) -> Result<Self, NumericError> {
+        let gains = Gains::new(model, target);
+        let poles = ideal_poles(&plant.state_space, &gains)?;
+        let [low, high] = isolation_band(model, target.frequency);
+        let isolation_from_hz = corner(low, high, &pole_peaks(&poles), |hz| {
+            close_ideal(plant, &gains, hz, plant.whole()) * plant.rigid_floor.map(Complex::from)
+        });
+        Ok(Self {
+            gains,
+            poles,
+            isolation_from_hz,
+        })
+    }
+}
 
 /// The ideal law C(jω) of σ = C(jω)·y at `hz`, Hz, 6×6: H_acc of Eq. (21) or H_f of Eq. (22).
 ///

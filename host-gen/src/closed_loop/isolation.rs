@@ -15,16 +15,6 @@ pub fn isolation_band(model: &DesignModel, frequency: f64) -> [f64; 2] {
     [0.1 * frequency, 3.0 * highest]
 }
 
-/// The highest σ_max of the transfer function `gain` at the frequencies `hz`, Hz, as 20·lg σ_max,
-/// dB.
-pub fn highest_db(hz: &[f64], gain: impl Fn(f64) -> Gain) -> f64 {
-    let highest = hz
-        .iter()
-        .map(|&hz| largest_singular_value(&gain(hz)))
-        .fold(0.0, f64::max);
-    20.0 * highest.log10()
-}
-
 /// The corner frequency of isolation, Hz: above it the machine as one rigid body no longer follows
 /// the floor.
 ///

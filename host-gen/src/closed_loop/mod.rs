@@ -1,6 +1,7 @@
 //! How plant and law behave together: the ideal and the sampled loop, with poles, sensitivity,
 //! isolation and margins.
 
+pub mod bands;
 pub mod ideal;
 pub mod isolation;
 pub mod margins;

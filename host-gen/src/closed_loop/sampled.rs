@@ -3,8 +3,10 @@
 use core::ops::Range;
 
 use nalgebra::{Complex, DMatrix, Matrix6};
+use rayon::prelude::*;
 use shared::LEGS;
 
+use super::poles::stable;
 use super::sensitivity::{LoopGrid, PeakSensitivity};
 use crate::control::LinearLaw;
 use crate::numeric::NumericError;
@@ -89,6 +91,17 @@ impl SampledLoop<'_> {
             .collect();
         poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
         Ok(poles)
+    }
+
+    /// Whether the loop is stable with each of these `gains` on the law's forces.
+    pub fn is_stable_with(&self, gains: &[f64]) -> bool {
+        gains.par_iter().all(|&gain| {
+            let scaled = SampledLoop {
+                plant: self.plant,
+                law: self.law.with_gain(gain),
+            };
+            scaled.poles().is_ok_and(|poles| stable(&poles))
+        })
     }
 
     /// The peak sensitivity of the loop from `low`, Hz, to half the sample rate.

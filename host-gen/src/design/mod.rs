@@ -6,6 +6,7 @@ pub mod cache;
 mod objective;
 pub mod outcome;
 mod pattern_search;
+mod perturbed;
 pub mod reach;
 mod roll_off;
 pub mod study;
@@ -51,7 +52,7 @@ impl Search<'_> {
     pub fn design(&self, study: &Study) -> Result<Design, DesignError> {
         let machine = study.machine();
         if let Some(shapes) = &machine.shapes {
-            let shapes = shapes.each_ref().map(Shape::from);
+            let shapes = Box::new(shapes.each_ref().map(Shape::from));
             return reach::verify(study, self.effort, &Shaping::Modes { shapes });
         }
         let Some(cache) = self.cache else {

@@ -21,7 +21,7 @@ pub enum Shaping {
     /// The modal law: a shape for each mode.
     Modes {
         /// Slowest mode first.
-        shapes: [Shape; LEGS],
+        shapes: Box<[Shape; LEGS]>,
     },
 }
 

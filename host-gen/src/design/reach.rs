@@ -3,26 +3,24 @@
 
 use core::f64::consts::SQRT_2;
 
-use nalgebra::Complex;
-use rayon::prelude::*;
 use shared::LEGS;
 use shared::supervisor::GENTLE;
-use shared::table::ValidTable;
 
 use super::objective::Objective;
-use super::outcome::{Advice, Band, Design, DesignError, PerturbedSet, Shaping};
+use super::outcome::{Advice, Band, Design, DesignError, Shaping};
 use super::pattern_search::{PatternSearch, ROUGH_TRIALS, TRIALS};
+use super::perturbed::perturbed;
 use super::roll_off::highest_corner;
 use super::study::Study;
 use super::trial::{Miss, SCAN, Trial, closed, nearest_decimal};
-use crate::closed_loop::isolation::{corner, highest_db, isolation_band};
-use crate::closed_loop::{
-    LoopGrid, PeakSensitivity, SLOWEST, SampledLoop, close_ideal, ideal_poles, stable,
-};
-use crate::control::{Gains, LinearLaw, table};
-use crate::machine::{DESIGN_SAMPLES, FeedbackKind, LawName, Target};
+use crate::closed_loop::bands::{ideal_db, open_db, sampled_db};
+use crate::closed_loop::ideal::IdealLoop;
+use crate::closed_loop::isolation::{corner, isolation_band};
+use crate::closed_loop::{LoopGrid, PeakSensitivity, SLOWEST};
+use crate::control::table;
+use crate::machine::{FeedbackKind, LawName, Target};
 use crate::numeric::NumericError;
-use crate::numeric::frequencies::{grid, pole_peaks};
+use crate::numeric::frequencies::pole_peaks;
 use crate::plant::zeros::{grow, transmission_zeros};
 use crate::progress::Progress;
 
@@ -51,7 +49,7 @@ impl Effort {
 /// The best loop for a target.
 struct Found {
     target: Target,
-    ideal: Ideal,
+    ideal: IdealLoop,
     trial: Trial,
     isolation_from_hz: f64,
     peak_sensitivity: PeakSensitivity,
@@ -67,11 +65,7 @@ pub(super) fn search(
     effort: Effort,
     progress: &dyn Progress,
 ) -> Result<Design, DesignError> {
-    let reach = Reach {
-        study,
-        effort,
-        progress,
-    };
+    let reach = Reach::new(study, effort, progress)?;
     match reach.reach(study.machine().target, None) {
         Ok(found) => Ok(reach.describe(found)),
         Err(miss) => {
@@ -91,11 +85,7 @@ pub(super) fn verify(
     effort: Effort,
     shaping: &Shaping,
 ) -> Result<Design, DesignError> {
-    let reach = Reach {
-        study,
-        effort,
-        progress: &(),
-    };
+    let reach = Reach::new(study, effort, &())?;
     match reach.reach(study.machine().target, Some(shaping)) {
         Ok(found) => Ok(reach.describe(found)),
         Err(miss) => {
@@ -122,18 +112,36 @@ pub(super) fn unreachable(target: &Target, reason: String, advice: Advice) -> De
 /// A study with what a search needs.
 struct Reach<'a> {
     study: &'a Study,
+    /// Whether a transmission zero is unstable.
+    grows: bool,
+    /// The transmission zeros as peaks, frequency and half width, Hz: a fast loop moves its
+    /// poles close to them.
+    sharp: Vec<(f64, f64)>,
     effort: Effort,
     progress: &'a dyn Progress,
 }
 
-/// The unsampled loop for one target.
-struct Ideal {
-    gains: Gains,
-    poles: Vec<Complex<f64>>,
-    isolation_from_hz: f64,
-}
+impl<'a> Reach<'a> {
+    fn new(
+        study: &'a Study,
+        effort: Effort,
+        progress: &'a dyn Progress,
+    ) -> Result<Self, NumericError> {
+        let feedback = study.machine().target.feedback;
+        let zeros = transmission_zeros(&study.plant().plant.state_space, feedback)?;
+        Ok(Self {
+            study,
+            grows: grow(&zeros),
+            sharp: pole_peaks(&zeros),
+            effort,
+            progress,
+        })
+    }
 
-impl Reach<'_> {
+    fn ideal(&self, target: &Target) -> Result<IdealLoop, NumericError> {
+        IdealLoop::new(&self.study.plant().plant, self.study.design_model(), target)
+    }
+
     /// Why the target is missed, unless a computation failed.
     fn reason(&self, miss: Miss) -> Result<String, DesignError> {
         let machine = self.study.machine();
@@ -149,60 +157,23 @@ impl Reach<'_> {
                 target.max_sensitivity
             ),
         };
-        if target.feedback != FeedbackKind::Both {
-            let plant = &self.study.plant().plant.state_space;
-            if grow(&transmission_zeros(plant, target.feedback)?) {
-                reason += ", and no gain can stabilise it: with the sensor outputs held at zero, the machine is unstable under gravity (see host-gen zeros); make the legs stiffer sideways";
-            }
+        // With both kinds, what one cannot stabilise the other may.
+        if target.feedback != FeedbackKind::Both && self.grows {
+            reason += ", and no gain can stabilise it: with the sensor outputs held at zero, the machine is unstable under gravity (see host-gen zeros); make the legs stiffer sideways";
         }
         Ok(reason)
     }
 
-    fn ideal(&self, target: &Target) -> Result<Ideal, Miss> {
-        let model = self.study.design_model();
-        let gains = Gains::new(model, target);
-        let plant = &self.study.plant().plant;
-        let poles = ideal_poles(&plant.state_space, &gains)?;
-        let [low, high] = isolation_band(model, target.frequency);
-        let isolation_from_hz = corner(low, high, &pole_peaks(&poles), |hz| {
-            close_ideal(plant, &gains, hz, plant.whole()) * plant.rigid_floor.map(Complex::from)
-        });
-        Ok(Ideal {
-            gains,
-            poles,
-            isolation_from_hz,
-        })
-    }
-
-    /// The transmission zeros as peaks, frequency and half width, Hz: a fast loop moves
-    /// its poles close to them.
-    fn sharp(&self, target: Target) -> Result<Vec<(f64, f64)>, NumericError> {
-        let state_space = &self.study.plant().plant.state_space;
-        let zeros = transmission_zeros(state_space, target.feedback)?;
-        Ok(pole_peaks(&zeros))
-    }
-
     /// The search for shapes of the modes, with a sensitivity below `bound`.
-    fn pattern_search(
-        &self,
-        target: Target,
-        ideal: &Ideal,
-        bound: f64,
-    ) -> Result<PatternSearch<'_>, NumericError> {
+    fn pattern_search(&self, target: Target, ideal: &IdealLoop, bound: f64) -> PatternSearch<'_> {
         let machine = self.study.machine();
         let model = self.study.design_model();
-        let holds = stable(&ideal.poles);
-        let reference = machine
-            .bands
-            .iter()
-            .map(|(_, low, high)| {
-                if holds {
-                    self.ideal_db(ideal, *low, *high)
-                } else {
-                    self.open_db(*low, *high)
-                }
-            })
-            .collect::<Vec<_>>();
+        let plant = &self.study.plant().plant;
+        let reference = machine.bands.iter().map(|(_, low, high)| {
+            let ideal = ideal_db(plant, ideal, *low, *high);
+            ideal.unwrap_or_else(|| open_db(plant, *low, *high))
+        });
+        let reference: Vec<f64> = reference.collect();
         let bounded = Target {
             max_sensitivity: bound,
             ..target
@@ -214,16 +185,16 @@ impl Reach<'_> {
             bounded,
             &reference,
             CORNER_SLACK * ideal.isolation_from_hz,
-            &self.sharp(target)?,
+            &self.sharp,
         );
-        Ok(PatternSearch::new(machine, model, bounded, objective))
+        PatternSearch::new(machine, model, bounded, objective)
     }
 
     /// The best shapes for `target`, if there are any.
     fn best_shapes(
         &self,
         target: Target,
-        ideal: &Ideal,
+        ideal: &IdealLoop,
         loops: &LoopGrid,
     ) -> Result<(Trial, PeakSensitivity), Miss> {
         let asked = target.max_sensitivity;
@@ -232,15 +203,22 @@ impl Reach<'_> {
         // The grid may miss the very top of a peak, and a perturbed machine may
         // have a higher one: a little more room then.
         for _ in 0..3 {
-            let search = self.pattern_search(target, ideal, bound)?;
+            let search = self.pattern_search(target, ideal, bound);
             let Some(shapes) = search.run(self.effort.trials(), self.progress) else {
                 break;
             };
-            let (trial, peak) = Trial::new(self.study, &target, &Shaping::Modes { shapes }, loops)?;
+            let (trial, peak) = Trial::new(
+                self.study,
+                &target,
+                &Shaping::Modes {
+                    shapes: Box::new(shapes),
+                },
+                loops,
+            )?;
             let mut highest = peak.bounded();
             if let Some(mut trial) = trial {
                 if self.effort == Effort::Full {
-                    trial.drawn = Some(self.perturbed(&target, &LinearLaw::new(&trial.table))?);
+                    trial.drawn = Some(perturbed(self.study, &target, &trial.table)?);
                 }
                 let holds = trial
                     .drawn
@@ -258,51 +236,19 @@ impl Reach<'_> {
         found.ok_or(Miss::Unstable)
     }
 
-    /// `law` on randomly perturbed machines. One that makes no model counts as one
-    /// on which the loop is not stable.
-    fn perturbed(&self, target: &Target, law: &LinearLaw) -> Result<PerturbedSet, Miss> {
-        let machine = self.study.machine();
-        let samples = DESIGN_SAMPLES.min(machine.robustness.samples);
-        let low = SLOWEST * target.frequency;
-        let peaks = (0..samples)
-            .into_par_iter()
-            .map(|i| {
-                let Ok(study) = Study::new(machine.drawn(i)) else {
-                    return Ok(None);
-                };
-                let closed = SampledLoop {
-                    plant: study.plant(),
-                    law: *law,
-                };
-                let poles = closed.poles()?;
-                Ok(stable(&poles).then(|| {
-                    closed
-                        .peak_sensitivity(&self.study.design_model().modal, low, &poles)
-                        .bounded()
-                }))
-            })
-            .collect::<Result<Vec<_>, NumericError>>()?;
-        let stable = peaks.iter().flatten();
-        Ok(PerturbedSet {
-            samples,
-            stable: stable.clone().count(),
-            peak_sensitivity: stable.fold(0.0, |a, b| a.max(*b)),
-        })
-    }
-
     /// The best loop for `target`, or the one with a `given` shaping, if it reaches
     /// the target.
     fn reach(&self, target: Target, given: Option<&Shaping>) -> Result<Found, Miss> {
         let ideal = self.ideal(&target)?;
         let low = SLOWEST * target.frequency;
         let model = self.study.design_model();
-        let loops = LoopGrid::new(self.study.plant(), &model.modal, low, &self.sharp(target)?);
+        let loops = LoopGrid::new(self.study.plant(), &model.modal, low, &self.sharp);
         let (trial, peak_sensitivity) = match (given, target.law) {
             (Some(shaping), law) => {
                 let (trial, peak) = Trial::new(self.study, &target, shaping, &loops)?;
                 let mut trial = trial.ok_or(Miss::Unstable)?;
                 if law == LawName::Modal && self.effort == Effort::Full {
-                    trial.drawn = Some(self.perturbed(&target, &LinearLaw::new(&trial.table))?);
+                    trial.drawn = Some(perturbed(self.study, &target, &trial.table)?);
                 }
                 (trial, peak)
             }
@@ -341,10 +287,13 @@ impl Reach<'_> {
             let reached = match target.law {
                 LawName::Direct => self.reach(target, None).map(|_| true),
                 // What has something to begin with has a best.
-                LawName::Modal => self.ideal(&target).and_then(|ideal| {
-                    let search = self.pattern_search(target, &ideal, target.max_sensitivity)?;
-                    Ok(search.is_feasible())
-                }),
+                LawName::Modal => self
+                    .ideal(&target)
+                    .map(|ideal| {
+                        let bound = target.max_sensitivity;
+                        self.pattern_search(target, &ideal, bound).is_feasible()
+                    })
+                    .map_err(Miss::from),
             };
             match reached {
                 Ok(reached) => Ok(reached),
@@ -381,73 +330,37 @@ impl Reach<'_> {
     }
 
     fn describe(&self, found: Found) -> Design {
-        let closed = closed(self.study, &found.trial.table);
-        let poles = found.trial.poles.iter();
+        let Trial {
+            shaping,
+            drawn,
+            table,
+            poles,
+        } = found.trial;
+        let closed_loop = closed(self.study, &table);
+        let starting = (0..25).map(|n| f64::from(GENTLE).powf(f64::from(n) / 24.0));
+        let plant = &self.study.plant().plant;
+        let bands = self.study.machine().bands.iter();
+        let bands = bands.map(|(name, low, high)| Band {
+            name: name.clone(),
+            low_hz: *low,
+            high_hz: *high,
+            open_db: open_db(plant, *low, *high),
+            ideal_db: ideal_db(plant, &found.ideal, *low, *high).unwrap_or(f64::NAN),
+            sampled_db: sampled_db(&closed_loop, &poles, *low, *high),
+        });
         Design {
             ac_coupling_hz: table::AC_COUPLING * found.target.frequency,
             leak_hz: table::LEAK * found.target.frequency,
             peak_sensitivity: found.peak_sensitivity,
-            drawn: found.trial.drawn,
+            drawn,
             isolation_from_ideal_hz: found.ideal.isolation_from_hz,
             isolation_from_hz: found.isolation_from_hz,
-            slowest_decay: poles.map(|s| s.re).fold(f64::MIN, f64::max),
-            soft_start: self.starts_softly(&found.trial.table),
-            bands: self.bands(&found, &closed),
-            shaping: found.trial.shaping,
-            table: found.trial.table,
+            slowest_decay: poles.iter().map(|s| s.re).fold(f64::MIN, f64::max),
+            soft_start: closed_loop.is_stable_with(&starting.collect::<Vec<_>>()),
+            bands: bands.collect(),
+            shaping,
+            table,
         }
-    }
-
-    fn starts_softly(&self, table: &ValidTable) -> bool {
-        (0..25).into_par_iter().all(|n| {
-            let gain = f64::from(GENTLE).powf(f64::from(n) / 24.0);
-            let closed = SampledLoop {
-                plant: self.study.plant(),
-                law: LinearLaw::new(table).with_gain(gain),
-            };
-            closed.poles().is_ok_and(|poles| stable(&poles))
-        })
-    }
-
-    fn bands(&self, found: &Found, closed: &SampledLoop<'_>) -> Vec<Band> {
-        let rows = self.study.plant().plant.performance();
-        self.study
-            .machine()
-            .bands
-            .iter()
-            .map(|(name, low, high)| Band {
-                name: name.clone(),
-                low_hz: *low,
-                high_hz: *high,
-                open_db: self.open_db(*low, *high),
-                ideal_db: if stable(&found.ideal.poles) {
-                    self.ideal_db(&found.ideal, *low, *high)
-                } else {
-                    f64::NAN
-                },
-                sampled_db: {
-                    let points = grid(*low, *high, 300, &pole_peaks(&found.trial.poles));
-                    highest_db(&points, |hz| closed.close(hz, rows.clone()))
-                },
-            })
-            .collect()
-    }
-
-    /// The highest σ_max(G11) from `low` to `high` Hz without control, dB.
-    fn open_db(&self, low: f64, high: f64) -> f64 {
-        let plant = &self.study.plant().plant;
-        highest_db(&grid(low, high, 300, &plant.peaks()), |hz| {
-            plant.response(hz).from_floor(plant.performance())
-        })
-    }
-
-    /// The same under the unsampled law.
-    fn ideal_db(&self, ideal: &Ideal, low: f64, high: f64) -> f64 {
-        let plant = &self.study.plant().plant;
-        let points = grid(low, high, 300, &pole_peaks(&ideal.poles));
-        highest_db(&points, |hz| {
-            close_ideal(plant, &ideal.gains, hz, plant.performance())
-        })
     }
 }
 

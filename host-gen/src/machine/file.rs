@@ -44,6 +44,7 @@
 //!         max_sensitivity: 2.0,
 //!         law: LawName::Modal,
 //!         minimise: Minimise::Peaks,
+//!         shapes: None,
 //!     },
 //!     board: BoardEntry {
 //!         sample_rate: 20e3,

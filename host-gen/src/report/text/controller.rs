@@ -138,7 +138,7 @@ impl Display for DesignAnalysis {
             writeln!(f)?;
         }
         if let Shaping::Modes { shapes } = &self.shaped.shaping {
-            write_shapes(f, shapes)?;
+            write_shapes(f, &shapes[..])?;
         }
         Ok(())
     }

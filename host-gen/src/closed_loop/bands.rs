@@ -1,0 +1,48 @@
+//! The highest σ_max(G11) in a band of frequencies.
+
+use nalgebra::Complex;
+
+use super::ideal::{IdealLoop, close_ideal};
+use super::poles::stable;
+use super::sampled::SampledLoop;
+use crate::numeric::frequencies::{grid, pole_peaks};
+use crate::numeric::singular::largest_singular_value;
+use crate::plant::{Gain, Plant};
+
+/// Frequencies of the grid in a band, besides those at the peaks.
+const POINTS: usize = 300;
+
+/// The highest σ_max of the transfer function `gain` at the frequencies `hz`, Hz, as 20·lg σ_max,
+/// dB.
+pub fn highest_db(hz: &[f64], gain: impl Fn(f64) -> Gain) -> f64 {
+    let highest = hz
+        .iter()
+        .map(|&hz| largest_singular_value(&gain(hz)))
+        .fold(0.0, f64::max);
+    20.0 * highest.log10()
+}
+
+/// From `low` to `high` Hz without control, dB.
+pub fn open_db(plant: &Plant, low: f64, high: f64) -> f64 {
+    let points = grid(low, high, POINTS, &plant.peaks());
+    highest_db(&points, |hz| {
+        plant.response(hz).from_floor(plant.performance())
+    })
+}
+
+/// From `low` to `high` Hz with the ideal law, dB; none if that loop is unstable.
+pub fn ideal_db(plant: &Plant, ideal: &IdealLoop, low: f64, high: f64) -> Option<f64> {
+    let points = || grid(low, high, POINTS, &pole_peaks(&ideal.poles));
+    stable(&ideal.poles).then(|| {
+        highest_db(&points(), |hz| {
+            close_ideal(plant, &ideal.gains, hz, plant.performance())
+        })
+    })
+}
+
+/// From `low` to `high` Hz of the sampled loop `closed` with its `poles`, rad/s, dB.
+pub fn sampled_db(closed: &SampledLoop<'_>, poles: &[Complex<f64>], low: f64, high: f64) -> f64 {
+    let rows = closed.plant.plant.performance();
+    let points = grid(low, high, POINTS, &pole_peaks(poles));
+    highest_db(&points, |hz| closed.close(hz, rows.clone()))
+}
