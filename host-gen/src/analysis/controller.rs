@@ -10,7 +10,6 @@ use super::other_boards::{OtherBoard, other_boards};
 use super::rounding::{Rounding, rounding};
 use crate::closed_loop::SampledLoop;
 use crate::closed_loop::margins::{Margins, margins};
-use crate::control::LinearLaw;
 use crate::design::{Cache, Design, Study, StudyError};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::pole_peaks;
@@ -39,10 +38,7 @@ impl DesignAnalysis {
     /// [`NumericError`] if an eigenvalue iteration does not converge.
     pub fn new(study: &Study, design: Design) -> Result<Self, NumericError> {
         let machine = study.machine();
-        let closed = SampledLoop {
-            plant: study.plant(),
-            law: LinearLaw::new(&design.table),
-        };
+        let closed = SampledLoop::new(study.plant(), &design.table);
         let poles = closed.poles()?;
         Ok(Self {
             machine: machine.name.clone(),

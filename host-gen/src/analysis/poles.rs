@@ -6,7 +6,6 @@ use shared::table::ValidTable;
 
 use super::digest;
 use crate::closed_loop::{Pole, SampledLoop, ideal_poles, stable};
-use crate::control::LinearLaw;
 use crate::design::Study;
 use crate::numeric::NumericError;
 
@@ -30,10 +29,7 @@ impl PoleAnalysis {
     /// [`NumericError`] if an eigenvalue iteration does not converge.
     pub fn new(study: &Study, table: &ValidTable) -> Result<Self, NumericError> {
         let plant = &study.plant().plant;
-        let closed = SampledLoop {
-            plant: study.plant(),
-            law: LinearLaw::new(table),
-        };
+        let closed = SampledLoop::new(study.plant(), table);
         let ideal = ideal_poles(&plant.state_space, study.gains())?;
         let sampled = closed.poles()?;
         // One of each conjugate pair. Poles faster than half the sample rate come from

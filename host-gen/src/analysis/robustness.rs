@@ -11,7 +11,7 @@ use crate::closed_loop::{SLOWEST, SampledLoop, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::{Band, Study, StudyError};
 use crate::machine::{Machine, Robustness};
-use crate::numeric::frequencies::{grid, pole_peaks};
+use crate::numeric::frequencies::pole_peaks;
 use crate::progress::Progress;
 
 /// Range of a value over the perturbed machines; the nominal value is within it.
@@ -148,8 +148,9 @@ impl Sample {
             bands: bands
                 .iter()
                 .map(|band| {
-                    let points = grid(band.low_hz, band.high_hz, 150, &peaks);
-                    highest_db(&points, |hz| closed.close(hz, rows.clone()))
+                    highest_db([band.low_hz, band.high_hz], 150, &peaks, |hz| {
+                        closed.close(hz, rows.clone())
+                    })
                 })
                 .collect(),
             open: upper(&open),

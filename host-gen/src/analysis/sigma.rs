@@ -5,7 +5,6 @@ use serde::Serialize;
 
 use super::digest;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
-use crate::control::LinearLaw;
 use crate::design::DesignedStudy;
 use crate::machine::{FeedbackKind, Machine};
 use crate::numeric::NumericError;
@@ -88,9 +87,7 @@ impl SigmaAnalysis {
             }
             let sampled = match design {
                 Ok(design) => {
-                    let law = LinearLaw::new(&design.table);
-                    let plant = study.plant();
-                    let closed = SampledLoop { plant, law };
+                    let closed = SampledLoop::new(study.plant(), &design.table);
                     peaks.extend(pole_peaks(&closed.poles()?));
                     Some(closed)
                 }

@@ -12,29 +12,30 @@ use crate::plant::{Gain, Plant};
 /// Frequencies of the grid in a band, besides those at the peaks.
 const POINTS: usize = 300;
 
-/// The highest σ_max of the transfer function `gain` at the frequencies `hz`, Hz, as 20·lg σ_max,
-/// dB.
-pub fn highest_db(hz: &[f64], gain: impl Fn(f64) -> Gain) -> f64 {
-    let highest = hz
-        .iter()
-        .map(|&hz| largest_singular_value(&gain(hz)))
-        .fold(0.0, f64::max);
-    20.0 * highest.log10()
+/// The highest σ_max of the transfer function `gain` from `low` to `high` Hz, as 20·lg σ_max, dB:
+/// on a grid of `count` points, refined at `peaks` (centre and half width, Hz).
+pub fn highest_db(
+    [low, high]: [f64; 2],
+    count: usize,
+    peaks: &[(f64, f64)],
+    gain: impl Fn(f64) -> Gain,
+) -> f64 {
+    let points = grid(low, high, count, peaks).into_iter();
+    let highest = points.map(|hz| largest_singular_value(&gain(hz)));
+    20.0 * highest.fold(0.0, f64::max).log10()
 }
 
 /// From `low` to `high` Hz without control, dB.
 pub fn open_db(plant: &Plant, low: f64, high: f64) -> f64 {
-    let points = grid(low, high, POINTS, &plant.peaks());
-    highest_db(&points, |hz| {
+    highest_db([low, high], POINTS, &plant.peaks(), |hz| {
         plant.response(hz).from_floor(plant.performance())
     })
 }
 
 /// From `low` to `high` Hz with the ideal law, dB; none if that loop is unstable.
 pub fn ideal_db(plant: &Plant, ideal: &IdealLoop, low: f64, high: f64) -> Option<f64> {
-    let points = || grid(low, high, POINTS, &pole_peaks(&ideal.poles));
     stable(&ideal.poles).then(|| {
-        highest_db(&points(), |hz| {
+        highest_db([low, high], POINTS, &pole_peaks(&ideal.poles), |hz| {
             close_ideal(plant, &ideal.gains, hz, plant.performance())
         })
     })
@@ -43,6 +44,7 @@ pub fn ideal_db(plant: &Plant, ideal: &IdealLoop, low: f64, high: f64) -> Option
 /// From `low` to `high` Hz of the sampled loop `closed` with its `poles`, rad/s, dB.
 pub fn sampled_db(closed: &SampledLoop<'_>, poles: &[Complex<f64>], low: f64, high: f64) -> f64 {
     let rows = closed.plant.plant.performance();
-    let points = grid(low, high, POINTS, &pole_peaks(poles));
-    highest_db(&points, |hz| closed.close(hz, rows.clone()))
+    highest_db([low, high], POINTS, &pole_peaks(poles), |hz| {
+        closed.close(hz, rows.clone())
+    })
 }

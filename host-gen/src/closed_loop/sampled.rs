@@ -5,6 +5,7 @@ use core::ops::Range;
 use nalgebra::{Complex, DMatrix, Matrix6};
 use rayon::prelude::*;
 use shared::LEGS;
+use shared::table::ValidTable;
 
 use super::poles::stable;
 use super::sensitivity::{LoopGrid, PeakSensitivity};
@@ -22,6 +23,16 @@ pub struct SampledLoop<'a> {
     pub plant: &'a SampledPlant,
     /// The law, with the table's coefficients.
     pub law: LinearLaw,
+}
+
+impl<'a> SampledLoop<'a> {
+    /// The plant with the law of `table`.
+    pub fn new(plant: &'a SampledPlant, table: &ValidTable) -> Self {
+        Self {
+            plant,
+            law: LinearLaw::new(table),
+        }
+    }
 }
 
 impl SampledLoop<'_> {

@@ -12,11 +12,11 @@ use super::pattern_search::{PatternSearch, ROUGH_TRIALS, TRIALS};
 use super::perturbed::perturbed;
 use super::roll_off::highest_corner;
 use super::study::Study;
-use super::trial::{Miss, SCAN, Trial, closed, nearest_decimal};
+use super::trial::{Miss, SCAN, Trial, nearest_decimal};
 use crate::closed_loop::bands::{ideal_db, open_db, sampled_db};
 use crate::closed_loop::ideal::IdealLoop;
 use crate::closed_loop::isolation::{corner, isolation_band};
-use crate::closed_loop::{LoopGrid, PeakSensitivity, SLOWEST};
+use crate::closed_loop::{LoopGrid, PeakSensitivity, SLOWEST, SampledLoop};
 use crate::control::table;
 use crate::machine::{FeedbackKind, LawName, Target};
 use crate::numeric::NumericError;
@@ -256,7 +256,7 @@ impl<'a> Reach<'a> {
             (None, LawName::Modal) => self.best_shapes(target, &ideal, &loops)?,
         };
         let [low, high] = isolation_band(model, target.frequency);
-        let sampled = closed(self.study, &trial.table);
+        let sampled = SampledLoop::new(self.study.plant(), &trial.table);
         let isolation_from_hz = corner(low, high, &pole_peaks(&trial.poles), |hz| {
             sampled.transmissibility(hz)
         });
@@ -336,7 +336,7 @@ impl<'a> Reach<'a> {
             table,
             poles,
         } = found.trial;
-        let closed_loop = closed(self.study, &table);
+        let closed_loop = SampledLoop::new(self.study.plant(), &table);
         let starting = (0..25).map(|n| f64::from(GENTLE).powf(f64::from(n) / 24.0));
         let plant = &self.study.plant().plant;
         let bands = self.study.machine().bands.iter();

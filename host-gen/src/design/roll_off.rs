@@ -7,8 +7,8 @@
 
 use super::outcome::Shaping;
 use super::study::Study;
-use super::trial::{Miss, SCAN, Trial, closed, nearest_decimal};
-use crate::closed_loop::{LoopGrid, PeakSensitivity, stable};
+use super::trial::{Miss, SCAN, Trial, nearest_decimal};
+use crate::closed_loop::{LoopGrid, PeakSensitivity, SampledLoop, stable};
 use crate::control::{Gains, LinearLaw, table};
 use crate::machine::Target;
 
@@ -26,7 +26,7 @@ fn try_corner(
     hz: f64,
 ) -> Result<Option<Trial>, Miss> {
     let table = table::direct(study.machine(), study.plant(), target, gains, hz)?;
-    let closed_loop = closed(study, &table);
+    let closed_loop = SampledLoop::new(study.plant(), &table);
     // The bound first: it takes much less time.
     if !loops.within(&closed_loop.law, target.max_sensitivity) {
         return Ok(None);

@@ -6,7 +6,7 @@ use shared::table::{TableError, ValidTable};
 use super::outcome::{DesignError, PerturbedSet, Shaping};
 use super::study::Study;
 use crate::closed_loop::{LoopGrid, PeakSensitivity, SampledLoop, stable};
-use crate::control::{Gains, LinearLaw, table};
+use crate::control::{Gains, table};
 use crate::machine::Target;
 use crate::numeric::NumericError;
 
@@ -36,7 +36,7 @@ impl Trial {
             }
             Shaping::Modes { shapes } => table::modal(machine, plant, model, target, shapes)?,
         };
-        let closed_loop = closed(study, &table);
+        let closed_loop = SampledLoop::new(plant, &table);
         let poles = closed_loop.poles()?;
         let peak = loops.peak(plant, &closed_loop.law);
         let holds = stable(&poles) && peak.bounded() <= target.max_sensitivity;
@@ -47,14 +47,6 @@ impl Trial {
             poles,
         });
         Ok((trial, peak))
-    }
-}
-
-/// The sampled loop of a study under `table`.
-pub(super) fn closed<'a>(study: &'a Study, table: &ValidTable) -> SampledLoop<'a> {
-    SampledLoop {
-        plant: study.plant(),
-        law: LinearLaw::new(table),
     }
 }
 

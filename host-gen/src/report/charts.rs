@@ -81,10 +81,11 @@ pub fn isolation(own: &DesignedStudy) -> Result<Chart, NumericError> {
     let whole = plant.whole();
     let [low, high] = isolation_band(study.design_model(), study.machine().target.frequency);
     let ideal = ideal_poles(&plant.state_space, study.gains())?;
-    let closed = own.design.as_ref().ok().map(|design| SampledLoop {
-        plant: study.plant(),
-        law: LinearLaw::new(&design.table),
-    });
+    let closed = own
+        .design
+        .as_ref()
+        .ok()
+        .map(|design| SampledLoop::new(study.plant(), &design.table));
     let mut peaks = [plant.peaks(), pole_peaks(&ideal)].concat();
     if let Some(closed) = &closed {
         peaks.extend(pole_peaks(&closed.poles()?));
@@ -256,9 +257,7 @@ pub fn frequencies(studies: &[DesignedStudy]) -> Result<Chart, NumericError> {
             add(format!("{name}: ideal poles"), ideal);
         }
         if let Ok(design) = design {
-            let plant = study.plant();
-            let law = LinearLaw::new(&design.table);
-            let poles = SampledLoop { plant, law }.poles()?;
+            let poles = SampledLoop::new(study.plant(), &design.table).poles()?;
             add(format!("{name}: sampled poles"), poles);
         }
     }
