@@ -4,3 +4,6 @@ mod command_line;
 #[path = "../../../host-gen/tests/all/edits.rs"]
 mod edits;
 mod link;
+#[path = "../../../tests/src/near.rs"]
+mod near;
+mod snapshots;
