@@ -12,7 +12,7 @@ use firmware::budget::{ADC_CLOCK, Budget, DAC_CLOCK, READ, SETUP};
 use host_gen::closed_loop::Pole;
 use host_gen::control::table::coefficient;
 use host_gen::design::{Cache, Design, DesignedStudy, Search, Study};
-use host_gen::machine::{Feedback, Machine};
+use host_gen::machine::{FeedbackKind, Machine};
 use host_gen::plant::zeros::transmission_zeros;
 
 /// Figures in one place of a file.
@@ -46,7 +46,7 @@ fn designs(machines: Vec<Machine>) -> Vec<DesignedStudy> {
 
 /// The frequencies of the slowest and the fastest zero with forces fed back, Hz.
 fn force_zeros(study: &Study) -> [f64; 2] {
-    let zeros = transmission_zeros(&study.plant().plant.state_space, Feedback::Force).unwrap();
+    let zeros = transmission_zeros(&study.plant().plant.state_space, FeedbackKind::Force).unwrap();
     // In ascending order; twelve conjugate zeros of six legs, then those of the lens.
     [zeros[0], zeros[11]].map(|zero| Pole::from(zero).hz)
 }

@@ -13,11 +13,10 @@ use snapbox::{Assert, Data};
 use crate::edits::edited;
 use crate::near::{NEAR, settle};
 
-/// The machine: the metrology frame under the direct law, simulated for a short time. No
-/// command takes long.
+/// The machine: the metrology frame under the direct law, simulated for a short time, so that no
+/// command takes long. The lens is off centre: of two equal frequencies, the modes could be any.
 const MODEL: &str = "frame.toml";
 
-/// Prints with no colours and at a width that does not depend on the terminal.
 fn host_gen(arguments: &[&str], folder: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_host-gen"))
         .args(arguments)
@@ -43,6 +42,7 @@ fn compare(name: &str, printed: &[u8]) {
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let text = edited(&[
+        ("bodies.lens.cog", "[0.03, 0.02, -0.1]"),
         ("simulation.duration", "0.2"),
         ("simulation.settling", "0.1"),
     ]);
@@ -79,7 +79,7 @@ fn results_as_text() {
     }
 }
 
-/// An error with its place in the file, in a pipe and, as far as colours tell, on a terminal.
+/// An error with its line in the file.
 #[test]
 fn an_error_with_its_line() {
     let folder = folder();
