@@ -30,7 +30,7 @@ pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<()
     let model = &arguments.common.model;
     let study = study(model)?;
     // The search uses the settings of the file.
-    let mut settings = study.machine().simulation.clone();
+    let mut settings = study.machine().simulation;
     let positive = |name, value: f64| {
         if value.is_finite() && value > 0.0 {
             Ok(value)
