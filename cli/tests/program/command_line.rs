@@ -89,7 +89,7 @@ fn check_needs_a_table() {
     assert!(!output.status.success());
     assert!(text(&output.stderr).contains("none.rs: cannot be read"));
     let output = host_gen(&["check", &model], folder.path());
-    assert!(text(&output.stderr).contains("give --table PATH"));
+    assert!(text(&output.stderr).contains("use --table PATH"));
 }
 
 /// A target out of reach: one line, and the old table is left as it was.
