@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use firmware::budget::{ADC_CLOCK, Budget, DAC_CLOCK, READ, SETUP};
+use host_gen::analysis::criterion::Criterion;
+use host_gen::analysis::vibration::{Floor, budget};
 use host_gen::closed_loop::Pole;
 use host_gen::control::table::coefficient;
 use host_gen::design::{Cache, Design, DesignedStudy, Search, Study};
@@ -73,6 +75,22 @@ fn row(DesignedStudy { design, .. }: &DesignedStudy) -> Vec<f64> {
     let design = design.as_ref().unwrap();
     let [suspension, internal] = peaks(design).map(|[.., sampled]| sampled);
     vec![suspension, internal, design.isolation_from_hz]
+}
+
+/// The smallest and the largest part of the performance's power on a floor VC-C that is noise of
+/// the sensors, from 0.5 to 300 Hz as `host-gen floor` gives it, %.
+fn sensor_noise(DesignedStudy { study, design }: &DesignedStudy) -> [f64; 2] {
+    let (board, band) = (&study.machine().board, [0.5, 300.0]);
+    let table = Some(&design.as_ref().unwrap().table);
+    let floor = Floor::Criterion(Criterion::VcC);
+    let budget = budget(study.plant(), board, table, &floor, band).unwrap();
+    let parts = budget.performance.iter().map(|spectrum| {
+        let powers = budget.power(spectrum, band[0], band[1]);
+        100.0 * powers[1] / powers.iter().sum::<f64>()
+    });
+    let parts: Vec<f64> = parts.collect();
+    let smallest = parts.iter().copied().fold(f64::INFINITY, f64::min);
+    [smallest, parts.into_iter().fold(0.0, f64::max)]
 }
 
 /// All figures.
@@ -151,7 +169,7 @@ fn all() -> Vec<Figure> {
         figure(LOOP, "The integrals leak at {}·f_n", &[design.leak_hz / target.frequency]),
         figure(LOOP, "At {} kHz, a coefficient 1 − c with c = {}·10⁻⁶ keeps only {} bits of c",
             &[khz * board.sample_rate, 1e6 * leak, (leak / f64::from(f32::EPSILON / 2.0)).log2().floor() + 1.0]),
-        figure(LOOP, "are at {} to {} Hz on the paper's machine", &force_zeros(study)),
+        figure(LOOP, "are at {} to {} Hz on the paper's machine", &force_zeros(&force.study)),
         figure(LOOP, "With force feedback, {} Hz and a peak sensitivity of {} are therefore unreachable",
             &[target.frequency, target.max_sensitivity]),
         figure(LOOP, "On the low-parasitic variant the zeros are at {} to {} Hz", &force_zeros(&low_force.study)),
@@ -164,6 +182,8 @@ fn all() -> Vec<Figure> {
         figure(LOOP, "| force | {} | {} | {} Hz | | both | {} | {} | {} Hz |", &[row(low_force), row(low_both)].concat()),
         figure(LOOP, "twelve converter channels and {} % more instructions per step",
             &[100.0 * (instructions("both step") / instructions("modal step") - 1.0)]),
+        figure(LOOP, "sensor noise is {} to {} % of the power that is left on a VC-C floor, instead of {} to {} %",
+            &[sensor_noise(both), sensor_noise(acceleration)].concat()),
 
         figure(BOARD, "| PA5, SPI1 SCK | AD7606 RD/SCLK | {} MHz |", &[1e-6 * ADC_CLOCK]),
         figure(BOARD, "| PC10, SPI3 SCK | AD5676R SCLK | {} MHz;", &[1e-6 * DAC_CLOCK]),
