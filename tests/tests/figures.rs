@@ -14,7 +14,7 @@ use host_gen::analysis::vibration::{Floor, budget};
 use host_gen::closed_loop::Pole;
 use host_gen::control::table::coefficient;
 use host_gen::design::{Cache, Design, DesignedStudy, Search, Study};
-use host_gen::machine::{FeedbackKind, Machine};
+use host_gen::machine::{Board, FeedbackKind, Machine};
 use host_gen::plant::zeros::transmission_zeros;
 
 /// Figures in one place of a file.
@@ -49,11 +49,11 @@ fn designs(machines: Vec<Machine>) -> Vec<DesignedStudy> {
 /// The frequencies of the slowest and the fastest zero with forces fed back, Hz.
 fn force_zeros(study: &Study) -> [f64; 2] {
     let zeros = transmission_zeros(&study.plant().plant.state_space, FeedbackKind::Force).unwrap();
-    // In ascending order; twelve conjugate zeros of six legs, then those of the lens.
+    // In ascending order: six conjugate pairs of the legs, then those of the lens.
     [zeros[0], zeros[11]].map(|zero| Pole::from(zero).hz)
 }
 
-/// Instructions of the modal law's or both kinds' parts on the Cortex-M7, from the kept baseline.
+/// Instructions on the Cortex-M7 of what a row of the kept baseline names.
 fn instructions(of: &str) -> f64 {
     let baseline = include_str!("../../firmware/instructions.txt");
     let mut lines = baseline.lines();
@@ -136,9 +136,8 @@ fn all() -> Vec<Figure> {
     let (sample, longest) = (instructions("modal sample"), instructions("modal longest"));
     let [usual_time, longest_time] = [sample, longest].map(Budget::new);
     let after = |parts: &[f64]| us * (READ + parts.iter().sum::<f64>());
-    let load =
-        |time: Budget, board: &host_gen::machine::Board| 100.0 * time.busy() / board.period();
-    let left = |board: &host_gen::machine::Board| us * (board.latch_delay - longest_time.ready());
+    let load = |time: Budget, board: &Board| 100.0 * time.busy() / board.period();
+    let left = |board: &Board| us * (board.latch_delay - longest_time.ready());
     let adc = 1.0 / reference.adc.lsb();
     let accelerometer = reference.accelerometer.unwrap().sensitivity;
     let force_sensor = reference.force_sensor.unwrap().sensitivity;
@@ -223,7 +222,7 @@ fn all() -> Vec<Figure> {
     figures
 }
 
-/// Text with one space for all white space between words. Bars of a drawing are none.
+/// Text with one space for all white space between words.
 fn collapsed(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
