@@ -213,14 +213,12 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
         vec![
             Step::new("session without boards", alone),
             Step::new("processor in the loop", boards),
-        ],
-        vec![
-            Step::new("unit and integration tests", [testing()]),
             Step::new("documents", [docs_command(None)?]),
-        ]
-        .into_iter()
-        .chain(others)
-        .collect(),
+        ],
+        vec![Step::new("unit and integration tests", [testing()])]
+            .into_iter()
+            .chain(others)
+            .collect(),
     ])?;
     if full {
         book(setup)?;
@@ -468,7 +466,7 @@ fn exudyn() -> Outcome<()> {
 
 fn host_gen(arguments: &[&str]) -> Command {
     let mut command = cargo();
-    command.args(["run", "--quiet", "--release", "--package", "host-gen", "--"]);
+    command.args(["run", "--quiet", "--release", "--package", "cli", "--"]);
     command.args(arguments);
     command
 }
