@@ -306,11 +306,17 @@ fn every_fault_ends_safe() {
         let mut bench = Bench::new(&mut []);
         bench.reach_closed();
         let mut since = None;
+        let clamped = bench.controller.report().clamped;
         for _ in 0..800 {
             let before = bench.dac;
             let reading = wrong(&mut bench);
             bench.dac = bench.controller.on_sample(reading);
             if bench.mode().is_fault() {
+                if since.is_none() && cause == Cause::Saturated {
+                    // Clamped without a pause for just as long as the table allows.
+                    let limit = plain().get().supervision.saturated;
+                    assert_eq!(bench.controller.report().clamped - clamped, limit);
+                }
                 let since = since.get_or_insert(0);
                 *since += 1;
                 // Never away from safe again.
