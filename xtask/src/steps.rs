@@ -48,9 +48,15 @@ impl Step {
         let printed = writeln!(out, "\n==== {name}, {seconds:.0} s\n{said}");
         drop(out);
         printed.map_err(failed)?;
-        outcome.map_err(|problem| format!("{name}: {problem}"))?;
+        outcome.map_err(|problem| format!("{name}: {problem}\n{}", tail(&said)))?;
         Ok(seconds)
     }
+}
+
+/// The last lines that a step printed: an error comes last, however much other steps print.
+fn tail(said: &str) -> String {
+    let lines: Vec<&str> = said.lines().collect();
+    lines[lines.len().saturating_sub(40)..].join("\n")
 }
 
 /// What every step took, s.
