@@ -57,7 +57,7 @@ impl ModeIsolation {
         let model = study.design_model();
         let band = isolation_band(model, study.machine().target.frequency);
         let whole = plant.whole();
-        let open = |hz: f64| plant.response(hz).from_floor(whole.clone()) * floor;
+        let open = |hz: f64| plant.open(hz, whole.clone()) * floor;
         let under_ideal = |hz: f64| close_ideal(plant, gains, hz, whole.clone()) * floor;
         let sampled = |hz: f64| closed.transmissibility(hz);
         let modes = model.hertz().into_iter().enumerate();

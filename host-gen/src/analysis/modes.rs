@@ -15,6 +15,8 @@ pub struct ModeAnalysis {
     pub(crate) machine: String,
     model_sha256: String,
     pub(crate) modes: Vec<ModeEntry>,
+    /// How the design model was reduced, in words.
+    pub(crate) reduction: &'static str,
     pub(crate) rigid_modes_hz: [f64; 6],
     /// Static loads of the legs; empty without gravity.
     pub(crate) leg_loads: Vec<LegLoad>,
@@ -41,8 +43,8 @@ pub(crate) struct LegLoad {
     pub(crate) beam: String,
     /// Axial force, N; positive in tension.
     pub(crate) axial_force: f64,
-    /// Buckling load, N; positive in compression.
-    pub(crate) buckling_load: f64,
+    /// Buckling load, N; positive in compression. None if the beam does not bend.
+    pub(crate) buckling_load: Option<f64>,
 }
 
 #[derive(Debug, Serialize)]
@@ -96,6 +98,7 @@ impl ModeAnalysis {
                     deformations: deformations.column(i).iter().copied().collect(),
                 })
                 .collect(),
+            reduction: study.design_model().suspension.reduction.words(),
             rigid_modes_hz: study.design_model().hertz(),
             leg_loads: machine
                 .beams

@@ -118,7 +118,7 @@ impl SigmaAnalysis {
             let rows = plant.performance();
             if i == 0 {
                 curves.push(curve(None, &|hz| {
-                    largest_singular_value(&plant.response(hz).from_floor(rows.clone()))
+                    largest_singular_value(&plant.open(hz, rows.clone()))
                 }));
             }
             let kind = study.design_model().feedback;

@@ -3,10 +3,10 @@
 use serde::Serialize;
 
 use crate::design::Study;
+use crate::design::study::Growth;
 use crate::machine::{Certainty, FeedbackKind, Provenance};
 use crate::model::gravity::buckling_load;
 use crate::numeric::NumericError;
-use crate::plant::zeros::{grow, transmission_zeros};
 
 /// The source of some of a machine's numbers.
 #[derive(Debug, Serialize)]
@@ -37,30 +37,40 @@ impl Statement {
 /// [`NumericError`] if an eigenvalue iteration does not converge.
 pub(crate) fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
     let mut warnings = Vec::new();
-    let loads = study.model().statics.axial.iter();
-    for (beam, load) in study.machine().beams.iter().zip(loads) {
-        let limit = buckling_load(beam);
-        if -load > limit {
+    let statics = &study.model().statics;
+    let loads = statics.axial.iter().zip(&statics.buckled);
+    for (beam, (load, buckled)) in study.machine().beams.iter().zip(loads) {
+        if let Some(limit) = buckling_load(beam)
+            && -load > limit
+        {
             warnings.push(format!(
                 "{} buckles: its load is {:.0} N, its buckling load {limit:.0} N",
                 beam.name, -load
             ));
+        } else if *buckled {
+            warnings.push(format!(
+                "{} buckles between its ends under its bending moments and its axial force of {load:.0} N",
+                beam.name
+            ));
         }
     }
-    if study.model().modes().squares[0] < 0.0 {
-        warnings.push("the machine is unstable under its own weight".to_owned());
+    if let Some(hz) = study.falls() {
+        warnings.push(format!(
+            "the machine falls under its own weight: a mode grows at {hz:.3} Hz"
+        ));
     }
-    let feedback = study.design_model().feedback;
-    if feedback != FeedbackKind::Both
-        && grow(&transmission_zeros(
-            &study.plant().plant.state_space,
-            feedback,
-        )?)
-    {
-        warnings.push(
-            "with the sensor outputs held at zero, the machine is unstable under gravity: see host-gen zeros"
-                .to_owned(),
-        );
+    if study.design_model().feedback != FeedbackKind::Both {
+        match study.growth()? {
+            None => {}
+            Some(Growth::Weight) => warnings.push(
+                "with the sensor outputs held at zero, the machine is unstable under gravity: see host-gen zeros"
+                    .to_owned(),
+            ),
+            Some(Growth::Placement) => warnings.push(
+                "from leg forces to sensors there is an unstable zero, which limits the gain: see host-gen zeros"
+                    .to_owned(),
+            ),
+        }
     }
     Ok(warnings)
 }

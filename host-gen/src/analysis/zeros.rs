@@ -5,10 +5,11 @@ use serde::Serialize;
 
 use super::digest;
 use crate::closed_loop::{Pole, ideal_poles};
+use crate::design::study::Growth;
 use crate::design::{Study, StudyError};
 use crate::machine::Machine;
 use crate::numeric::NumericError;
-use crate::plant::zeros::{grow, transmission_zeros};
+use crate::plant::zeros::transmission_zeros;
 
 /// Result of `host-gen zeros`: transmission zeros for each kind of feedback.
 #[derive(Debug, Serialize)]
@@ -25,6 +26,8 @@ pub(crate) struct ZerosOfKind {
     /// Whether a zero is unstable: then the machine is unstable with the sensor outputs
     /// held at zero.
     pub(crate) unstable: bool,
+    /// Whether gravity makes it so.
+    pub(crate) by_weight: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -58,7 +61,7 @@ impl ZerosOfKind {
         let feedback = study.design_model().feedback;
         let zeros = transmission_zeros(plant, feedback)?;
         let poles = ideal_poles(plant, study.gains())?;
-        let unstable = grow(&zeros);
+        let growth = study.growth()?;
         Ok(Self {
             feedback: feedback.name(),
             zeros: zeros
@@ -73,7 +76,8 @@ impl ZerosOfKind {
                     at: s.into(),
                 })
                 .collect(),
-            unstable,
+            unstable: growth.is_some(),
+            by_weight: growth == Some(Growth::Weight),
         })
     }
 }

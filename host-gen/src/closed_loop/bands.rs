@@ -28,7 +28,7 @@ pub fn highest_db(
 /// From `low` to `high` Hz without control, dB.
 pub fn open_db(plant: &Plant, low: f64, high: f64) -> f64 {
     highest_db([low, high], POINTS, &plant.peaks(), |hz| {
-        plant.response(hz).from_floor(plant.performance())
+        plant.open(hz, plant.performance())
     })
 }
 
@@ -47,4 +47,25 @@ pub fn sampled_db(closed: &SampledLoop<'_>, poles: &[Complex<f64>], low: f64, hi
     highest_db([low, high], POINTS, &pole_peaks(poles), |hz| {
         closed.close(hz, rows.clone())
     })
+}
+
+/// The most by which the sampled loop `closed` raises σ_max(G11) between `low` and `high` Hz, dB,
+/// and the frequency of that, Hz. Negative if it lowers it everywhere. `poles` are those of the
+/// loop, rad/s.
+pub fn amplification(
+    closed: &SampledLoop<'_>,
+    poles: &[Complex<f64>],
+    low: f64,
+    high: f64,
+) -> (f64, f64) {
+    let plant = &closed.plant.plant;
+    let rows = plant.performance();
+    let ratio = |hz: f64| {
+        largest_singular_value(&closed.close(hz, rows.clone()))
+            / largest_singular_value(&plant.open(hz, rows.clone()))
+    };
+    let points = grid(low, high, POINTS, &pole_peaks(poles)).into_iter();
+    let highest = points.map(|hz| (ratio(hz), hz));
+    let highest = highest.fold((0.0, low), |a, b| if b.0 > a.0 { b } else { a });
+    (20.0 * f64::log10(highest.0), highest.1)
 }

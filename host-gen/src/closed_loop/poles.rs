@@ -12,7 +12,7 @@ pub struct Pole {
     pub im: f64,
     /// Natural frequency |s|/2π, Hz.
     pub hz: f64,
-    /// Relative damping −Re s/|s|; negative if unstable.
+    /// Relative damping −Re s/|s|; negative if unstable, 0 for s = 0.
     pub damping: f64,
 }
 
@@ -22,7 +22,11 @@ impl From<Complex<f64>> for Pole {
             re: s.re,
             im: s.im,
             hz: s.norm() / core::f64::consts::TAU,
-            damping: -s.re / s.norm(),
+            damping: if s == Complex::ZERO {
+                0.0
+            } else {
+                -s.re / s.norm()
+            },
         }
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::Matrix6;
 
 use crate::machine::{FeedbackKind, Target};
-use crate::model::design_model::{DesignModel, RigidModel};
+use crate::model::design_model::{DesignModel, Suspension};
 
 /// A proportional-integral law σ = −(P·y + I·∫y), Eq. (14).
 ///
@@ -34,9 +34,9 @@ impl Gains {
     /// With both kinds of sensors, the gains are those for accelerometers.
     pub fn new(model: &DesignModel, target: &Target) -> Self {
         let omega = target.omega();
-        let RigidModel {
+        let Suspension {
             mass, stiffness, ..
-        } = &model.rigid;
+        } = &model.suspension;
         let (proportional, integral) = match model.feedback {
             FeedbackKind::Acceleration | FeedbackKind::Both => {
                 let virtual_mass = stiffness / (omega * omega) - mass;
@@ -46,7 +46,7 @@ impl Gains {
             FeedbackKind::Force => {
                 let inverse = (mass * (omega * omega))
                     .try_inverse()
-                    .expect("the lumped mass is positive definite because every body's is");
+                    .expect("the mass is positive definite because every body's is");
                 let whole = stiffness * inverse;
                 (
                     whole - Matrix6::identity(),
@@ -101,10 +101,12 @@ impl ModalTransform {
         };
         Self {
             input: clean(to_modes * unsense),
-            // The inverse of a permutation is its transpose.
-            beside: model
-                .beside
-                .map(|order| clean(model.modal.transpose() * order.transpose())),
+            beside: model.beside.map(|sensing| {
+                let unsense = sensing
+                    .try_inverse()
+                    .expect("each leg has its own force sensor");
+                clean(model.modal.transpose() * unsense)
+            }),
             output: clean(inverse.transpose()),
         }
     }

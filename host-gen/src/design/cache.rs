@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
-use super::outcome::{Advice, Shaping};
+use super::outcome::{Refusal, Shaping};
 use super::reach::Effort;
 use crate::machine::Machine;
 
@@ -27,8 +27,8 @@ pub struct Cache {
 pub(super) enum SearchOutcome {
     /// A shaping that reaches the target.
     Found(Shaping),
-    /// No shaping was found that reaches the target: the reason, and what to change.
-    Unreachable { reason: String, advice: Advice },
+    /// No shaping was found that reaches the target.
+    Unreachable(Refusal),
 }
 
 /// SHA-256 over everything that a search reads, hexadecimal.

@@ -65,17 +65,16 @@ impl Search<'_> {
                     return Ok(design);
                 }
             }
-            Some(SearchOutcome::Unreachable { reason, advice }) => {
-                return Err(reach::unreachable(&machine.target, reason, advice));
+            Some(SearchOutcome::Unreachable(refusal)) => {
+                return Err(reach::unreachable(&machine.target, refusal));
             }
             None => {}
         }
         let result = reach::search(study, self.effort, self.progress);
         match &result {
             Ok(design) => cache.write(&key, SearchOutcome::Found(design.shaping.clone())),
-            Err(DesignError::Unreachable { reason, advice, .. }) => {
-                let (reason, advice) = (reason.clone(), *advice);
-                cache.write(&key, SearchOutcome::Unreachable { reason, advice });
+            Err(DesignError::Unreachable { refusal, .. }) => {
+                cache.write(&key, SearchOutcome::Unreachable(refusal.clone()));
             }
             Err(_) => {}
         }

@@ -54,6 +54,20 @@ pub struct Design {
     pub soft_start: bool,
     /// Highest σ_max(G11) in each band of the machine.
     pub bands: Vec<Band>,
+    /// What the loop costs between a tenth of the target frequency and the lowest band; `None`
+    /// if a band begins there.
+    pub below: Option<Below>,
+}
+
+/// How much the loop raises σ_max(G11) below the bands.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Below {
+    /// Where the lowest band begins, Hz.
+    pub high_hz: f64,
+    /// The most by which the sampled loop raises σ_max(G11), dB.
+    pub db: f64,
+    /// The frequency of that, Hz.
+    pub hz: f64,
 }
 
 /// A controller on randomly perturbed machines, as [`crate::machine::Machine::drawn`].
@@ -93,32 +107,63 @@ pub enum DesignError {
     Table(#[from] TableError),
     /// No shaping was found that reaches the target.
     #[error(
-        "no controller was found that reaches the target of {asked:.3} Hz with damping {damping} on this board: {reason}. {advice}"
+        "no controller was found that reaches the target of {asked:.3} Hz with damping {damping} on this board: {refusal}"
     )]
     Unreachable {
         /// Target suspension frequency ω_n/2π, Hz.
         asked: f64,
         /// Target relative damping ζ_n.
         damping: f64,
-        /// The reason, without a full stop.
-        reason: String,
-        /// Advice on what to change.
-        advice: Advice,
+        /// Why, and what to change.
+        refusal: Refusal,
+    },
+    /// The machine is unstable without control: gravity tips it over.
+    #[error(
+        "the machine falls under its own weight: a mode grows at {hz:.3} Hz (host-gen modes), and a controller is designed for a machine that stands. Make the suspension stiffer, lower the centre of gravity, or turn gravity if the machine hangs"
+    )]
+    Falls {
+        /// Rate of growth of the fastest growing mode over 2π, Hz.
+        hz: f64,
     },
     /// A numerical computation failed.
     #[error(transparent)]
     Numeric(#[from] NumericError),
 }
 
+/// Why a target is not reached, and what to change.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// The reason, without a full stop.
+    pub reason: String,
+    /// What to change.
+    pub advice: Advice,
+    /// The lowest frequency found that is reached with both kinds of sensors, Hz, where that is
+    /// the way out.
+    pub both: Option<f64>,
+}
+
+impl core::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}. {}", self.reason, self.advice)?;
+        match self.both {
+            Some(hz) => write!(
+                f,
+                ". With control.feedback = \"both\", {hz} Hz can be reached"
+            ),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Advice for a target that is not reached.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Advice {
-    /// The lowest higher target frequency found that is reached with the same damping,
-    /// Hz.
+    /// The nearest target frequency found that is reached with the same damping, Hz: above
+    /// the requested one, or below the suspension modes.
     Nearest(f64),
-    /// No frequency up to the highest suspension mode was found that is reached with this
-    /// damping.
+    /// No frequency between the requested one and the suspension modes was found that is
+    /// reached with this damping.
     NoFrequency,
     /// The shapes come from the machine's file; nothing was searched.
     OtherShapes,
@@ -132,7 +177,7 @@ impl core::fmt::Display for Advice {
                 "The nearest frequency found that can be reached with the same damping: control.frequency = {hz}. A shorter delay (board.sample_rate, conversion_delay, output_delay) or a higher control.max_sensitivity also helps"
             ),
             Self::NoFrequency => f.write_str(
-                "No frequency up to the highest suspension mode was found that can be reached with this damping. Shorten the delay (board.sample_rate, conversion_delay, output_delay) or raise control.max_sensitivity",
+                "No frequency between it and the suspension modes was found that can be reached with this damping. Shorten the delay (board.sample_rate, conversion_delay, output_delay) or raise control.max_sensitivity",
             ),
             Self::OtherShapes => f.write_str(
                 "Change control.shapes, or remove it to search for shapes",

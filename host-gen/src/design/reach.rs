@@ -1,19 +1,20 @@
 //! Whether a target is reached, and by which shaping; if not, the nearest frequency found
 //! that is reached.
 
-use core::f64::consts::SQRT_2;
+use core::f64::consts::{SQRT_2, TAU};
 
+use nalgebra::Complex;
 use shared::LEGS;
 use shared::supervisor::GENTLE;
 
 use super::objective::Objective;
-use super::outcome::{Advice, Band, Design, DesignError, Shaping};
+use super::outcome::{Advice, Band, Below, Design, DesignError, Refusal, Shaping};
 use super::pattern_search::{PatternSearch, ROUGH_TRIALS, TRIALS};
 use super::perturbed::perturbed;
 use super::roll_off::highest_corner;
-use super::study::Study;
+use super::study::{Growth, Study};
 use super::trial::{Miss, SCAN, Trial, nearest_decimal};
-use crate::closed_loop::bands::{ideal_db, open_db, sampled_db};
+use crate::closed_loop::bands::{amplification, ideal_db, open_db, sampled_db};
 use crate::closed_loop::ideal::IdealLoop;
 use crate::closed_loop::isolation::{corner, isolation_band};
 use crate::closed_loop::{LoopGrid, PeakSensitivity, SLOWEST, SampledLoop};
@@ -21,12 +22,18 @@ use crate::control::table;
 use crate::machine::{FeedbackKind, LawName, Target};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::pole_peaks;
-use crate::plant::zeros::{grow, transmission_zeros};
+use crate::plant::zeros::transmission_zeros;
 use crate::progress::Progress;
 
-/// The sampled loop's corner may lie this much above the ideal loop's before
-/// the target counts as missed: half an octave.
+/// The sampled loop's corner of isolation may lie this much above the requested one before the
+/// target counts as missed: half an octave.
 pub const CORNER_SLACK: f64 = SQRT_2;
+
+/// Where a scan below the suspension modes ends, as a part of the lowest.
+const LOWEST: f64 = 0.05;
+
+/// Both kinds of sensors are worth naming if they reach this part of what one kind does.
+const CLEARLY: f64 = 0.9;
 
 /// How long to search for the shapes of the modal law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -69,9 +76,16 @@ pub(super) fn search(
     match reach.reach(study.machine().target, None) {
         Ok(found) => Ok(reach.describe(found)),
         Err(miss) => {
-            let reason = reach.reason(miss)?;
+            let limited = reach.limited_by_zeros()?;
+            let reason = reach.reason(miss, limited)?;
             let advice = reach.nearest()?;
-            Err(unreachable(&study.machine().target, reason, advice))
+            let both = reach.nearest_with_both(advice)?;
+            let refusal = Refusal {
+                reason,
+                advice,
+                both,
+            };
+            Err(unreachable(&study.machine().target, refusal))
         }
     }
 }
@@ -89,31 +103,31 @@ pub(super) fn verify(
     match reach.reach(study.machine().target, Some(shaping)) {
         Ok(found) => Ok(reach.describe(found)),
         Err(miss) => {
-            let reason = reach.reason(miss)?;
-            Err(unreachable(
-                &study.machine().target,
-                reason,
-                Advice::OtherShapes,
-            ))
+            let limited = reach.limited_by_zeros()?;
+            let refusal = Refusal {
+                reason: reach.reason(miss, limited)?,
+                advice: Advice::OtherShapes,
+                both: None,
+            };
+            Err(unreachable(&study.machine().target, refusal))
         }
     }
 }
 
 /// The error of a `target` that is not reached.
-pub(super) fn unreachable(target: &Target, reason: String, advice: Advice) -> DesignError {
+pub(super) fn unreachable(target: &Target, refusal: Refusal) -> DesignError {
     DesignError::Unreachable {
         asked: target.frequency,
         damping: target.damping,
-        reason,
-        advice,
+        refusal,
     }
 }
 
 /// A study with what a search needs.
 struct Reach<'a> {
     study: &'a Study,
-    /// Whether a transmission zero is unstable.
-    grows: bool,
+    /// The transmission zeros, rad/s.
+    zeros: Vec<Complex<f64>>,
     /// The transmission zeros as peaks, frequency and half width, Hz: a fast loop moves its
     /// poles close to them.
     sharp: Vec<(f64, f64)>,
@@ -126,13 +140,16 @@ impl<'a> Reach<'a> {
         study: &'a Study,
         effort: Effort,
         progress: &'a dyn Progress,
-    ) -> Result<Self, NumericError> {
+    ) -> Result<Self, DesignError> {
+        if let Some(hz) = study.falls() {
+            return Err(DesignError::Falls { hz });
+        }
         let feedback = study.machine().target.feedback;
         let zeros = transmission_zeros(&study.plant().plant.state_space, feedback)?;
         Ok(Self {
             study,
-            grows: grow(&zeros),
             sharp: pole_peaks(&zeros),
+            zeros,
             effort,
             progress,
         })
@@ -142,26 +159,119 @@ impl<'a> Reach<'a> {
         IdealLoop::new(&self.study.plant().plant, self.study.design_model(), target)
     }
 
-    /// Why the target is missed, unless a computation failed.
-    fn reason(&self, miss: Miss) -> Result<String, DesignError> {
+    /// The corner of the ideal loop, Hz, if the transmission zeros keep it above the requested
+    /// one: the ideal loop for a tenth of the target, whose gains are a hundred times as high and
+    /// whose poles are at the zeros by then, does not get there either.
+    fn limited_by_zeros(&self) -> Result<Option<f64>, NumericError> {
+        let target = self.study.machine().target;
+        let asked = CORNER_SLACK * target.isolation_hz();
+        if target.feedback == FeedbackKind::Both {
+            return Ok(None);
+        }
+        let corner = |frequency: f64| {
+            let ideal = self.ideal(&Target {
+                frequency,
+                ..target
+            })?;
+            Ok(ideal.isolation_from_hz)
+        };
+        let own = corner(target.frequency)?;
+        let limited = own > asked && corner(0.1 * target.frequency)? > asked;
+        Ok(limited.then_some(own))
+    }
+
+    /// Why the target is missed, unless a computation failed. `limited` is the ideal loop's
+    /// corner, Hz, if zeros limit it.
+    fn reason(&self, miss: Miss, limited: Option<f64>) -> Result<String, DesignError> {
         let machine = self.study.machine();
         let target = machine.target;
+        let modes = self.study.design_model().hertz();
+        if target.frequency > modes[0] {
+            let which = if target.frequency > modes[LEGS - 1] {
+                "the suspension modes"
+            } else {
+                "the lowest suspension mode"
+            };
+            return Ok(format!(
+                "the target lies above {which}, {:.2} to {:.2} Hz, and soft mounts have a lower one",
+                modes[0],
+                modes[LEGS - 1]
+            ));
+        }
         let delay = 1e6 * machine.board.whole_delay();
-        let mut reason = match miss {
-            Miss::Error(error) => return Err(error),
-            Miss::Late { ideal, sampled } => format!(
+        let slowest = self.zeros.iter().filter(|s| s.im > 0.0);
+        let slowest = slowest.map(|s| s.norm() / TAU);
+        let slowest = slowest.fold(f64::INFINITY, f64::min);
+        let mut reason = match (miss, limited) {
+            (Miss::Error(error), _) => return Err(error),
+            (_, Some(ideal)) => format!(
+                "even without sampling and delay, {} feedback isolates only from {ideal:.2} Hz, and more gain does not help: with its sensors held at zero, the machine still moves, from {slowest:.2} Hz on (host-gen zeros)",
+                target.feedback.name()
+            ),
+            (Miss::Late { ideal, sampled }, None) => format!(
                 "the best loop found with {delay:.0} µs of delay isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz"
             ),
-            Miss::Unstable => format!(
-                "with {delay:.0} µs of delay, no shaping was found that gives a stable sampled loop with a peak sensitivity of at most {} and isolation from near the corner of the ideal loop",
-                target.max_sensitivity
-            ),
+            (Miss::Unstable, None) => {
+                let zero = if slowest < modes[LEGS - 1] {
+                    format!(
+                        "; with its sensors held at zero, the machine still moves, from {slowest:.2} Hz on (host-gen zeros)"
+                    )
+                } else {
+                    String::new()
+                };
+                format!(
+                    "with {delay:.0} µs of delay, no shaping was found that gives a stable sampled loop with a peak sensitivity of at most {} and isolation from {:.2} Hz{zero}",
+                    target.max_sensitivity,
+                    CORNER_SLACK * target.isolation_hz()
+                )
+            }
         };
         // With both kinds, what one cannot stabilise the other may.
-        if target.feedback != FeedbackKind::Both && self.grows {
-            reason += ", and no gain can stabilise it: with the sensor outputs held at zero, the machine is unstable under gravity (see host-gen zeros); make the legs stiffer sideways";
+        if target.feedback != FeedbackKind::Both {
+            reason += match self.study.growth()? {
+                None => "",
+                Some(Growth::Weight) => {
+                    "; with the sensor outputs held at zero, the machine is unstable under gravity (see host-gen zeros): make the legs stiffer sideways"
+                }
+                Some(Growth::Placement) => {
+                    "; from leg forces to sensors there is an unstable zero (see host-gen zeros): put the sensors nearer to the legs"
+                }
+            };
         }
         Ok(reason)
+    }
+
+    /// The lowest frequency found that is reached with both kinds of sensors, Hz, if the machine
+    /// has them and they reach clearly less than the one kind, whose nearest is `own`.
+    fn nearest_with_both(&self, own: Advice) -> Result<Option<f64>, DesignError> {
+        let machine = self.study.machine();
+        let modes = self.study.design_model().hertz();
+        let asked = machine.target.frequency;
+        // The direct law feeds back one kind.
+        let only_one = machine.target.law == LawName::Direct;
+        if only_one || machine.target.feedback == FeedbackKind::Both || asked > modes[0] {
+            return Ok(None);
+        }
+        let Some(both) = machine.with_feedback(FeedbackKind::Both) else {
+            return Ok(None);
+        };
+        // Its model is the same, so it has one.
+        let Ok(study) = Study::new(both) else {
+            return Ok(None);
+        };
+        let both = Reach::new(&study, self.effort, self.progress)?;
+        let most = match own {
+            Advice::Nearest(hz) => CLEARLY * hz,
+            Advice::NoFrequency | Advice::OtherShapes => modes[LEGS - 1],
+        };
+        let mut hz = asked;
+        while hz < most {
+            if both.reaches(hz)? {
+                return Ok(Some(hz));
+            }
+            hz = round_up(SCAN * hz);
+        }
+        Ok(None)
     }
 
     /// The search for shapes of the modes, with a sensitivity below `bound`.
@@ -184,7 +294,7 @@ impl<'a> Reach<'a> {
             self.study.plant(),
             bounded,
             &reference,
-            CORNER_SLACK * ideal.isolation_from_hz,
+            CORNER_SLACK * target.isolation_hz(),
             &self.sharp,
         );
         PatternSearch::new(machine, model, bounded, objective)
@@ -260,10 +370,9 @@ impl<'a> Reach<'a> {
         let isolation_from_hz = corner(low, high, &pole_peaks(&trial.poles), |hz| {
             sampled.transmissibility(hz)
         });
-        let isolation_from_ideal_hz = ideal.isolation_from_hz;
-        if isolation_from_hz > CORNER_SLACK * isolation_from_ideal_hz {
+        if isolation_from_hz > CORNER_SLACK * target.isolation_hz() {
             return Err(Miss::Late {
-                ideal: isolation_from_ideal_hz,
+                ideal: ideal.isolation_from_hz,
                 sampled: isolation_from_hz,
             });
         }
@@ -276,56 +385,71 @@ impl<'a> Reach<'a> {
         })
     }
 
-    /// The lowest target frequency above the requested one that is reached.
-    fn nearest(&self) -> Result<Advice, DesignError> {
-        let machine = self.study.machine();
-        let reaches = |frequency: f64| {
-            let target = Target {
-                frequency,
-                ..machine.target
-            };
-            let reached = match target.law {
-                LawName::Direct => self.reach(target, None).map(|_| true),
-                // What has something to begin with has a best.
-                LawName::Modal => self
-                    .ideal(&target)
-                    .map(|ideal| {
-                        let bound = target.max_sensitivity;
-                        self.pattern_search(target, &ideal, bound).is_feasible()
-                    })
-                    .map_err(Miss::from),
-            };
-            match reached {
-                Ok(reached) => Ok(reached),
-                Err(Miss::Error(error)) => Err(error),
-                Err(_) => Ok(false),
-            }
+    /// Whether a target at `frequency`, Hz, is reached.
+    fn reaches(&self, frequency: f64) -> Result<bool, DesignError> {
+        let target = Target {
+            frequency,
+            ..self.study.machine().target
         };
-        let mut below = machine.target.frequency;
-        let mut above = below;
+        let reached = match target.law {
+            LawName::Direct => self.reach(target, None).map(|_| true),
+            // What has something to begin with has a best.
+            LawName::Modal => self
+                .ideal(&target)
+                .map(|ideal| {
+                    let bound = target.max_sensitivity;
+                    self.pattern_search(target, &ideal, bound).is_feasible()
+                })
+                .map_err(Miss::from),
+        };
+        match reached {
+            Ok(reached) => Ok(reached),
+            Err(Miss::Error(error)) => Err(error),
+            Err(_) => Ok(false),
+        }
+    }
+
+    /// The target frequency nearest to the requested one that is reached: above it, or below
+    /// the suspension modes if it lies above them.
+    fn nearest(&self) -> Result<Advice, DesignError> {
+        let modes = self.study.design_model().hertz();
+        let mut missed = self.study.machine().target.frequency;
+        let downward = missed > modes[0];
+        if downward {
+            missed = modes[0];
+        }
+        let mut reached = missed;
         loop {
-            above *= SCAN;
-            if above > self.study.design_model().hertz()[LEGS - 1] {
+            if downward {
+                reached /= SCAN;
+            } else {
+                reached *= SCAN;
+            }
+            if reached > modes[LEGS - 1] || downward && reached < LOWEST * modes[0] {
                 return Ok(Advice::NoFrequency);
             }
-            if reaches(above)? {
+            if self.reaches(reached)? {
                 break;
             }
-            below = above;
+            missed = reached;
         }
-        while above > 1.02 * below {
-            let middle = (above * below).sqrt();
-            if reaches(middle)? {
-                above = middle;
+        while (missed / reached).ln().abs() > 0.02 {
+            let middle = (missed * reached).sqrt();
+            if self.reaches(middle)? {
+                reached = middle;
             } else {
-                below = middle;
+                missed = middle;
             }
         }
-        let rounded = round_up(above);
-        Ok(Advice::Nearest(if reaches(rounded)? {
+        let rounded = if downward {
+            round_down(reached)
+        } else {
+            round_up(reached)
+        };
+        Ok(Advice::Nearest(if self.reaches(rounded)? {
             rounded
         } else {
-            above
+            reached
         }))
     }
 
@@ -348,7 +472,15 @@ impl<'a> Reach<'a> {
             ideal_db: ideal_db(plant, &found.ideal, *low, *high).unwrap_or(f64::NAN),
             sampled_db: sampled_db(&closed_loop, &poles, *low, *high),
         });
+        let low = 0.1 * found.target.frequency;
+        let bands_from = self.study.machine().bands.iter();
+        let bands_from = bands_from.map(|(_, low, _)| *low).reduce(f64::min);
+        let below = bands_from.filter(|from| *from > low).map(|high_hz| {
+            let (db, hz) = amplification(&closed_loop, &poles, low, high_hz);
+            Below { high_hz, db, hz }
+        });
         Design {
+            below,
             ac_coupling_hz: table::AC_COUPLING * found.target.frequency,
             leak_hz: table::LEAK * found.target.frequency,
             peak_sensitivity: found.peak_sensitivity,
@@ -368,4 +500,10 @@ impl<'a> Reach<'a> {
 fn round_up(x: f64) -> f64 {
     let unit = 10f64.powf(x.log10().floor() - 1.0);
     nearest_decimal((x / unit).ceil() * unit)
+}
+
+/// Two significant digits, downward.
+fn round_down(x: f64) -> f64 {
+    let unit = 10f64.powf(x.log10().floor() - 1.0);
+    nearest_decimal((x / unit).floor() * unit)
 }

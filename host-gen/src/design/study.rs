@@ -1,10 +1,14 @@
 //! A machine with everything that follows from its file alone: model, design
 //! model, ideal gains, sampled plant.
 
+use nalgebra::Vector3;
+
 use crate::control::Gains;
 use crate::machine::{FeedbackKind, Machine, MachineError};
 use crate::model::design_model::DesignModel;
 use crate::model::multibody::Multibody;
+use crate::numeric::NumericError;
+use crate::plant::zeros::{grow, transmission_zeros};
 use crate::plant::{Plant, SampledPlant};
 
 /// A machine with its model, its design model, its ideal gains and its plant.
@@ -17,6 +21,15 @@ pub struct Study {
     design_model: DesignModel,
     gains: Gains,
     plant: SampledPlant,
+}
+
+/// Why a transmission zero of a machine is unstable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Growth {
+    /// The machine's weight: without gravity, no zero is unstable.
+    Weight,
+    /// Where the sensors are: without gravity, a zero is unstable, too.
+    Placement,
 }
 
 impl Study {
@@ -75,5 +88,37 @@ impl Study {
     /// The flexible plant as the board samples it.
     pub fn plant(&self) -> &SampledPlant {
         &self.plant
+    }
+
+    /// Rate of growth of the fastest mode that gravity makes unstable, over 2π, Hz; `None` if
+    /// the machine stands.
+    pub fn falls(&self) -> Option<f64> {
+        let lowest = self.model.modes().hertz()[0];
+        (lowest < 0.0).then_some(-lowest)
+    }
+
+    /// Why a transmission zero is unstable, if one is. With both kinds of sensors, the zeros of
+    /// either kind.
+    ///
+    /// # Errors
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
+    pub fn growth(&self) -> Result<Option<Growth>, NumericError> {
+        if !self.has_unstable_zero()? {
+            return Ok(None);
+        }
+        let mut weightless = self.machine.clone();
+        weightless.gravity = Vector3::zeros();
+        Ok(Some(match Self::new(weightless) {
+            Ok(weightless) if !weightless.has_unstable_zero()? => Growth::Weight,
+            _ => Growth::Placement,
+        }))
+    }
+
+    fn has_unstable_zero(&self) -> Result<bool, NumericError> {
+        let feedback = self.design_model.feedback;
+        Ok(grow(&transmission_zeros(
+            &self.plant.plant.state_space,
+            feedback,
+        )?))
     }
 }

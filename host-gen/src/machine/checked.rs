@@ -194,6 +194,14 @@ impl Target {
     pub fn omega(&self) -> f64 {
         core::f64::consts::TAU * self.frequency
     }
+
+    /// Frequency above which a suspension with the target's ω_n and ζ_n isolates, Hz: its
+    /// transmissibility 1/(1 + 2ζ_n·s/ω_n + s²/ω_n²) is below 1/√2. At least ω_n/2π, also with
+    /// more damping.
+    pub fn isolation_hz(&self) -> f64 {
+        let b = 1.0 - 2.0 * self.damping * self.damping;
+        self.frequency * (b + b.hypot(1.0)).sqrt().max(1.0)
+    }
 }
 
 /// The board with its converters, sensors and actuators.

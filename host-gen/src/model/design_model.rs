@@ -1,34 +1,38 @@
-//! The design model of section 4 of the paper: all bodies as one rigid body on six legs, its
-//! modes, and the positions of the feedback sensors.
+//! The design model of section 4 of the paper: the machine reduced to its six suspension
+//! coordinates, its modes, and the positions of the feedback sensors.
 
 use core::ops::Range;
 
-use nalgebra::{DMatrix, DVector, Matrix6};
+use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6};
+use serde::Serialize;
 use shared::LEGS;
 
-use super::independence::{dependent, reach};
+use super::independence::{INDEPENDENT, dependent, reach};
 use super::multibody::Multibody;
 use crate::machine::{EntryError, FeedbackKind, Machine, MachineError};
 use crate::numeric::eigen::generalised_eigen;
+use crate::numeric::rows::first_dependent_row;
 use crate::numeric::six::{to_dynamic, to_six};
 
-/// The rigid model with its modes and sensors, from which the gains are computed.
+/// The machine reduced to six coordinates, with its modes and sensors, from which the gains are
+/// computed.
 #[derive(Clone, Debug)]
 pub struct DesignModel {
-    /// All bodies as one rigid body on the six legs.
-    pub rigid: RigidModel,
-    /// Natural frequencies of the rigid model, rad/s, ascending; 0 for a mode that gravity makes
+    /// The machine in the elongations of its six legs.
+    pub suspension: Suspension,
+    /// Natural frequencies of the design model, rad/s, ascending; 0 for a mode that gravity makes
     /// unstable.
     pub omega: [f64; LEGS],
     /// S = M_d^(−1/2)·P of Eq. (17), 6×6, 1/√kg: q_s from modal coordinates, one column for each
     /// mode. SᵀM_dS = 1 and SᵀK_dS = diag(ω²).
     pub modal: Matrix6<f64>,
     /// T_c of Eq. (15), 6×6: positions of the accelerometers along their directions from q_s,
-    /// m/m. With force sensors only, a permutation: sensor values from leg forces in the order of
-    /// the actuators.
+    /// m/m. With force sensors only, sensor values from σ − K_d·q_s, as
+    /// [`beside`](Self::beside).
     pub sensing: Matrix6<f64>,
-    /// With both kinds of sensors, the permutation for the force sensors, 6×6: sensor values
-    /// from leg forces in the order of the actuators. `None` with one kind.
+    /// With both kinds of sensors, 6×6: values of the force sensors from σ − K_d·q_s, N/N. A
+    /// permutation if a leg is one spring; if it has a flexure in series, the part of the leg
+    /// force that reaches the machine. `None` with one kind.
     pub beside: Option<Matrix6<f64>>,
     /// The kind of sensors that are fed back.
     pub feedback: FeedbackKind,
@@ -42,31 +46,33 @@ impl DesignModel {
     ///
     /// # Errors
     /// If the actuators, or the accelerometers if they are fed back, are not six independent
-    /// measurements of a rigid body's motion, or if the machine has no sensors of this kind.
+    /// measurements of the suspension's motion, or if the machine has no sensors of this kind.
     pub fn new(
         machine: &Machine,
         model: &Multibody,
         feedback: FeedbackKind,
     ) -> Result<Self, MachineError> {
-        let rigid = RigidModel::new(machine, model)?;
-        let (squares, mut shapes) =
-            generalised_eigen(&to_dynamic(&rigid.stiffness), &to_dynamic(&rigid.mass))
-                .expect("the lumped mass is positive definite because every body's is");
+        let suspension = Suspension::new(machine, model)?;
+        let (squares, mut shapes) = generalised_eigen(
+            &to_dynamic(&suspension.stiffness),
+            &to_dynamic(&suspension.mass),
+        )
+        .expect("the mass is positive definite because every body's is");
         canonical(&squares, &mut shapes);
         let sensing = match feedback {
             FeedbackKind::Acceleration | FeedbackKind::Both => {
-                acceleration_sensing(machine, model, &rigid)?
+                acceleration_sensing(machine, model, &suspension)?
             }
-            FeedbackKind::Force => force_sensing(machine)?,
+            FeedbackKind::Force => force_sensing(machine, model, &suspension)?,
         };
         let beside = match feedback {
-            FeedbackKind::Both => Some(force_sensing(machine)?),
+            FeedbackKind::Both => Some(force_sensing(machine, model, &suspension)?),
             FeedbackKind::Acceleration | FeedbackKind::Force => None,
         };
         Ok(Self {
             omega: core::array::from_fn(|i| squares[i].max(0.0).sqrt()),
             modal: to_six(&shapes),
-            rigid,
+            suspension,
             sensing,
             beside,
             feedback,
@@ -136,101 +142,260 @@ fn canonical(squares: &DVector<f64>, shapes: &mut DMatrix<f64>) {
     });
 }
 
+/// The rows of the accelerometers, 6×6n: their positions along their directions, m, from body
+/// coordinates, with the base at rest. `None` without accelerometers.
+fn accelerometer_rows(machine: &Machine, model: &Multibody) -> Option<Matrix6xX<f64>> {
+    let sensors = machine.accelerometers.as_ref()?;
+    let rows = sensors.each_ref().map(|sensor| {
+        let (relative, _) = model.direction(machine, sensor);
+        relative.transpose()
+    });
+    Some(Matrix6xX::from_rows(&rows))
+}
+
 /// T_c of Eq. (15), 6×6: positions of the accelerometers along their directions from q_s.
 ///
-/// The machine moves as the rigid model, and the base is at rest.
+/// The machine moves as the design model, and the base is at rest.
 fn acceleration_sensing(
     machine: &Machine,
     model: &Multibody,
-    rigid: &RigidModel,
+    suspension: &Suspension,
 ) -> Result<Matrix6<f64>, MachineError> {
-    let Some(sensors) = &machine.accelerometers else {
+    let (Some(sensors), Some(rows)) = (&machine.accelerometers, accelerometer_rows(machine, model))
+    else {
         return Err(machine.locate(
             EntryError::new("sensors", "there are no accelerometers")
                 .fix("add six under sensors.acceleration"),
         ));
     };
-    let rows = sensors.each_ref().map(|sensor| {
-        let (relative, _) = model.direction(machine, sensor);
-        relative.transpose() * &model.ride
-    });
-    let rows = DMatrix::from_rows(&rows.map(|row| row.columns(0, 6).into_owned()));
-    if let Some(i) = dependent(&rows, reach(machine)) {
+    let singular = match suspension.reduction {
+        Reduction::Rigid => dependent(&to_dynamic(&(&rows * &model.ride)), reach(machine)),
+        Reduction::Condensed | Reduction::Modes => {
+            first_dependent_row(&to_dynamic(&(&rows * &suspension.shapes)), INDEPENDENT)
+        }
+    };
+    if let Some(i) = singular {
         return Err(machine.locate(EntryError::new(
             format!("sensors.acceleration.{}", sensors[i].name),
             "singular sensor arrangement: this sensor measures a combination of what the sensors before it measure",
         )
         .fix("move it or change its direction")));
     }
-    let inverse = rigid
-        .elongations
-        .try_inverse()
-        .expect("the elongations were checked to be independent");
-    Ok(to_six(&rows) * inverse)
+    Ok(rows * &suspension.shapes)
 }
 
-/// The order of the force sensors as a permutation, 6×6: sensor values from leg forces in the
-/// order of the actuators.
+/// Values of the force sensors from σ − K_d·q_s, 6×6, N/N.
+///
+/// A sensor reads y = σ − k·e of its leg, Eq. (11). As in section 4 of the paper, a rigid machine
+/// takes up all of a leg's force, so this is the order of the sensors as a permutation. Otherwise
+/// the leg also gives way where the design model is held, with the static compliance
+/// C = K⁻¹ − Φ·K_d⁻¹·Φᵀ: y = (1 − k·E·C·Eᵀ)·(σ − K_d·q_s).
 ///
 /// Validation of the machine has checked that there is one sensor in each of the six legs.
-fn force_sensing(machine: &Machine) -> Result<Matrix6<f64>, MachineError> {
+fn force_sensing(
+    machine: &Machine,
+    model: &Multibody,
+    suspension: &Suspension,
+) -> Result<Matrix6<f64>, MachineError> {
     let Some(sensors) = &machine.force_sensors else {
         return Err(machine.locate(
             EntryError::new("sensors", "there are no force sensors")
                 .fix("add one for each leg under sensors.force"),
         ));
     };
-    Ok(Matrix6::from_fn(|i, j| {
-        f64::from(u8::from(sensors[i] == machine.actuators[j]))
-    }))
+    let order = Matrix6::from_fn(|i, j| f64::from(u8::from(sensors[i] == machine.actuators[j])));
+    if suspension.reduction == Reduction::Rigid {
+        return Ok(order);
+    }
+    let legs = &model.elongations;
+    // E·K⁻¹·Eᵀ, and E·Φ = 1.
+    let free = model.stiffness.clone().lu().solve(&legs.transpose());
+    let (Some(free), Some(own)) = (free, suspension.stiffness.try_inverse()) else {
+        return Ok(order);
+    };
+    let held: Matrix6<f64> = legs * free - own;
+    let axial = machine
+        .actuators
+        .map(|beam| machine.beams[beam].stiffness.axial);
+    let axial = Matrix6::from_diagonal(&axial.into());
+    Ok(order * (Matrix6::identity() - axial * held))
 }
 
-/// All bodies as one rigid body on the six legs, Eq. (13), without damping.
+/// How a machine is reduced to six coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reduction {
+    /// All bodies move as one rigid body, as in section 4 of the paper.
+    Rigid,
+    /// All else follows the accelerometers' places statically: a flexure in series with a leg
+    /// gives way.
+    Condensed,
+    /// The machine moves in its six suspension modes: the lowest that strain the legs.
+    Modes,
+}
+
+impl Reduction {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Rigid => "all bodies as one rigid body",
+            Self::Condensed => "all bodies condensed statically to the accelerometers' places",
+            Self::Modes => "the six suspension modes of the flexible machine",
+        }
+    }
+}
+
+/// The machine in six coordinates, Eq. (13), without damping.
 ///
 /// Its coordinates q_s are the elongations of the six legs, m, in the order of the actuators, so
 /// B_0 = I.
 #[derive(Clone, Debug)]
-pub struct RigidModel {
+pub struct Suspension {
+    /// How the machine was reduced.
+    pub reduction: Reduction,
     /// M_d of Eq. (13), 6×6, kg.
     pub mass: Matrix6<f64>,
     /// K_d of Eq. (13), 6×6, N/m: elastic, plus the geometric stiffness under gravity.
     pub stiffness: Matrix6<f64>,
     /// M_r of Eq. (13), 6×6, kg, for the floor inputs q̈_r.
     pub rheonomic: Matrix6<f64>,
-    /// E_s, 6×6: q_s from the motion of the rigid body, that is, the translation of the origin, m,
-    /// and the rotation, rad. m/m and m/rad.
-    pub elongations: Matrix6<f64>,
+    /// Φ, 6n×6 for n bodies: motion of the bodies in body coordinates from q_s, m/m and rad/m.
+    pub shapes: MatrixXx6<f64>,
 }
 
-impl RigidModel {
-    /// Takes all bodies of `model` as one rigid body: M_d, K_d and M_r of Eq. (13).
+/// A reduced model holds if each of its natural frequencies differs by less than this part from
+/// the suspension mode that it stands for. In the paper's machine, the rigid body has 1.9 to 7.4 %.
+const HOLDS: f64 = 0.1;
+
+/// A mode strains the legs if at least this part of its potential energy is in the actuated legs,
+/// and it is another one if its strains differ by this part from combinations of those before.
+const STRAINS: f64 = 0.1;
+
+/// Reduced models whose natural frequencies differ by less than this part are the same.
+const SAME: f64 = 1e-9;
+
+impl Suspension {
+    /// Reduces `model` to the elongations of the six legs: M_d, K_d and M_r of Eq. (13).
+    ///
+    /// A static reduction to the accelerometers is taken if it holds for the machine's suspension
+    /// modes, then one rigid body if that holds, else the modes themselves. Where the first two
+    /// agree, or the machine has no six suspension modes, it is one rigid body.
     ///
     /// # Errors
-    /// If the elongations of the six legs do not determine the motion of a rigid body.
+    /// If the elongations of the six legs do not determine the motion.
     pub fn new(machine: &Machine, model: &Multibody) -> Result<Self, MachineError> {
-        let ride = &model.ride;
-        let elongations = &model.elongations * ride;
-        if let Some(i) = dependent(&to_dynamic(&elongations), reach(machine)) {
-            let beam = &machine.beams[machine.actuators[i]].name;
-            return Err(machine.locate(EntryError::new(
-                "actuators.beams",
-                format!(
-                    "singular actuator arrangement: the elongation of \"{beam}\" follows from those of the legs before it"
-                ),
-            )
-            .fix("change its position or direction")));
+        let rigid = Self::along(model, Reduction::Rigid, model.ride.clone());
+        let independent = dependent(
+            &to_dynamic(&(&model.elongations * &model.ride)),
+            reach(machine),
+        );
+        let rigid = match independent {
+            None => rigid,
+            Some(_) => None,
+        };
+        let condensed = accelerometer_rows(machine, model).and_then(|rows| {
+            let follow = model.stiffness.clone().lu().solve(&rows.transpose())?;
+            let follow = MatrixXx6::from_column_slice(follow.as_slice());
+            Self::along(model, Reduction::Condensed, follow)
+        });
+        let near = |reduced: &Option<Self>, other: &[f64], limit: f64| {
+            let own = reduced.as_ref().and_then(Self::squares);
+            own.is_some_and(|own| {
+                own.iter()
+                    .zip(other)
+                    .all(|(own, other)| ((own / other).sqrt() - 1.0).abs() < limit)
+            })
+        };
+        let same = condensed
+            .as_ref()
+            .and_then(Self::squares)
+            .is_some_and(|squares| near(&rigid, squares.as_slice(), SAME));
+        let found = match suspension_modes(machine, model) {
+            Some((squares, _)) if near(&condensed, &squares, HOLDS) && !same => condensed,
+            Some((squares, _)) if near(&rigid, &squares, HOLDS) => rigid,
+            Some((_, shapes)) => Self::along(model, Reduction::Modes, shapes)
+                .or(condensed)
+                .or(rigid),
+            None => rigid.or(condensed),
+        };
+        found.ok_or_else(|| singular_legs(machine, independent.unwrap_or(0)))
+    }
+
+    /// The machine that moves as a combination of six `shapes`, 6n×6 in body coordinates. `None`
+    /// if the legs' elongations do not determine the combination.
+    fn along(model: &Multibody, reduction: Reduction, shapes: MatrixXx6<f64>) -> Option<Self> {
+        let elongations: Matrix6<f64> = &model.elongations * &shapes;
+        let independent = first_dependent_row(&to_dynamic(&elongations), INDEPENDENT).is_none();
+        if reduction != Reduction::Rigid && !independent {
+            return None;
         }
-        let inverse = elongations
-            .try_inverse()
-            .expect("the elongations were checked to be independent");
+        let inverse = elongations.try_inverse()?;
         let back = inverse.transpose();
-        let mass = ride.transpose() * &model.mass * ride;
-        let stiffness = ride.transpose() * &model.stiffness * ride;
-        Ok(Self {
+        let mass = shapes.transpose() * &model.mass * &shapes;
+        let stiffness = shapes.transpose() * &model.stiffness * &shapes;
+        let rheonomic = shapes.transpose() * &model.mass * &model.ride * model.floor_inverse();
+        Some(Self {
+            reduction,
             mass: back * mass * inverse,
             stiffness: back * stiffness * inverse,
-            rheonomic: back * mass * model.floor_inverse(),
-            elongations,
+            rheonomic: back * rheonomic,
+            shapes: shapes * inverse,
         })
     }
+
+    /// ω² of the six modes, rad²/s², ascending.
+    fn squares(&self) -> Option<DVector<f64>> {
+        let (squares, _) =
+            generalised_eigen(&to_dynamic(&self.stiffness), &to_dynamic(&self.mass))?;
+        Some(squares)
+    }
+}
+
+fn singular_legs(machine: &Machine, leg: usize) -> MachineError {
+    let beam = &machine.beams[machine.actuators[leg]].name;
+    machine.locate(
+        EntryError::new(
+            "actuators.beams",
+            format!(
+                "singular actuator arrangement: the elongation of \"{beam}\" follows from those of the legs before it"
+            ),
+        )
+        .fix("change its position or direction"),
+    )
+}
+
+/// ω², rad²/s², and the shapes of the six lowest modes that strain the legs, each in a way that
+/// those before do not. `None` if there are fewer, or if gravity makes a mode unstable.
+fn suspension_modes(machine: &Machine, model: &Multibody) -> Option<(Vec<f64>, MatrixXx6<f64>)> {
+    let modes = model.modes();
+    if modes.squares[0] <= 0.0 {
+        return None;
+    }
+    let axial = machine
+        .actuators
+        .map(|beam| machine.beams[beam].stiffness.axial);
+    let mut found: Vec<usize> = Vec::new();
+    let mut strains: Vec<DVector<f64>> = Vec::new();
+    for (i, shape) in modes.shapes.column_iter().enumerate() {
+        let mut strain = DVector::from_column_slice((&model.elongations * shape).as_slice());
+        for (x, k) in strain.iter_mut().zip(axial) {
+            *x *= (k / modes.squares[i]).sqrt();
+        }
+        if strain.norm_squared() < STRAINS {
+            continue;
+        }
+        strains.push(strain);
+        let rows = DMatrix::from_columns(&strains).transpose();
+        if first_dependent_row(&rows, STRAINS).is_some() {
+            strains.pop();
+            continue;
+        }
+        found.push(i);
+        if found.len() == LEGS {
+            let shapes = modes.shapes.select_columns(&found);
+            let squares = found.iter().map(|&i| modes.squares[i]).collect();
+            return Some((squares, MatrixXx6::from_column_slice(shapes.as_slice())));
+        }
+    }
+    None
 }

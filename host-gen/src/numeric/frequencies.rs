@@ -26,14 +26,18 @@ pub fn grid(low: f64, high: f64, count: usize, peaks: &[(f64, f64)]) -> Vec<f64>
     all
 }
 
+/// Smallest half width of a peak, as a part of its frequency.
+pub const NARROWEST: f64 = 1e-7;
+
 /// The peaks that lightly damped poles make: centre and half width, Hz, for [`grid`].
 ///
 /// `poles` are in rad/s. A pole makes a peak if its real part is below 0.3 of its imaginary
-/// part; a conjugate pair makes one peak.
+/// part; a conjugate pair makes one peak. That of an undamped pole is as wide as [`NARROWEST`]
+/// says.
 pub fn pole_peaks<'a>(poles: impl IntoIterator<Item = &'a Complex<f64>>) -> Vec<(f64, f64)> {
     poles
         .into_iter()
         .filter(|s| s.im > 0.0 && s.re.abs() < 0.3 * s.im)
-        .map(|s| (s.im / TAU, s.re.abs().max(1e-4 * s.im) / TAU))
+        .map(|s| (s.im / TAU, s.re.abs().max(NARROWEST * s.im) / TAU))
         .collect()
 }

@@ -2,6 +2,7 @@
 
 pub mod eigen;
 pub mod frequencies;
+pub mod pencil;
 pub mod rows;
 pub mod singular;
 pub mod six;
@@ -20,4 +21,9 @@ pub enum NumericError {
         "the ideal loop is ill-posed: 1 + K·D is singular, for example because a suspension mode has no stiffness; check the stiffness of the legs"
     )]
     IllPosed,
+    /// The transfer function from leg forces to sensors is singular at every frequency.
+    #[error(
+        "the transfer function from leg forces to sensors is singular at every frequency: a combination of the legs moves no sensor; check where legs and sensors are"
+    )]
+    Singular,
 }

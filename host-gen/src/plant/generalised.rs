@@ -13,10 +13,9 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix6, MatrixXx6};
 use shared::LEGS;
 
 use super::partial_fractions::PlantPole;
-use super::response::{Response, Terms, continuous};
+use super::response::{Gain, Response, Terms, continuous, contour};
 use super::state_space::{INPUTS, Outputs, StateSpace};
 use crate::machine::{EntryError, FeedbackKind, Machine, MachineError, Performance};
-use crate::model::beam::deformation_stiffness;
 use crate::model::design_model::DesignModel;
 use crate::model::multibody::{Modes, Multibody};
 use crate::numeric::frequencies::pole_peaks;
@@ -77,15 +76,18 @@ impl Plant {
             }
         }
         if design.feedback != FeedbackKind::Acceleration {
-            // y = σ − (EA/L)·e1, Eq. (11): like σ, positive if it pushes the frame away from the
-            // foot.
+            // y = σ − (EA/L)·e1 − c·ė1, Eq. (11) with the damper along the leg: the whole force of
+            // the leg, like σ positive if it pushes the frame away from the foot.
             let all = machine.force_sensors.iter().flatten();
             for (i, &beam) in (sensors - LEGS..).zip(all) {
                 for (j, &actuator) in machine.actuators.iter().enumerate() {
                     if actuator == beam {
-                        let axial = deformation_stiffness(&machine.beams[beam])[(0, 0)];
-                        let row = model.elongations.row(j) * shapes * -axial;
-                        out.displacement.row_mut(i).copy_from(&row);
+                        let leg = &machine.beams[beam];
+                        let row = model.elongations.row(j) * shapes;
+                        out.displacement
+                            .row_mut(i)
+                            .copy_from(&(&row * -leg.stiffness.axial));
+                        out.velocity.row_mut(i).copy_from(&(row * -leg.damper));
                         out.actuators[(i, j)] = 1.0;
                     }
                 }
@@ -106,15 +108,19 @@ impl Plant {
                 }
             }
         }
-        // The machine as one rigid body: its momentum along each mode w of the design model. The
-        // motion of the body in these modes is E_s⁻¹·S·w.
-        let rigid_modes = design
-            .rigid
-            .elongations
-            .try_inverse()
-            .expect("the elongations were checked to be independent")
-            * design.modal;
-        let momentum = rigid_modes.transpose() * model.ride.transpose() * &model.mass;
+        // The machine's momentum along each mode w of the design model, in which the bodies move by
+        // Φ·S·w. A floor that moves as a rigid body excites it by P = (Φ·S)ᵀ·M·ride.
+        let momentum = (&design.suspension.shapes * design.modal).transpose() * &model.mass;
+        let excited: Matrix6<f64> = &momentum * &model.ride;
+        let rigid_modes = excited.try_inverse().ok_or_else(|| {
+            machine.locate(
+                EntryError::new(
+                    "actuators.beams",
+                    "the floor does not move the machine along all six suspension modes",
+                )
+                .fix("choose legs that carry the machine"),
+            )
+        })?;
         out.acceleration
             .rows_mut(sensors + count, LEGS)
             .copy_from(&(&momentum * shapes));
@@ -151,15 +157,16 @@ impl Plant {
                     .fix("change the damping slightly"),
                 )
             })?;
-        // Displacements follow 1/(s² + Δ·s + Λ) = Λ⁻¹ − s·Λ⁻¹·Δ·Λ⁻¹ + …. Accelerations relative to
-        // the base are of order s², so they add nothing to value and slope.
+        // Displacements follow 1/(s² + Δ·s + Λ) = Λ⁻¹ − s·Λ⁻¹·Δ·Λ⁻¹ + …, and velocities s·Λ⁻¹ + ….
+        // Accelerations relative to the base are of order s², so they add nothing to value and
+        // slope.
         let soft = DMatrix::from_diagonal(&squares.map(f64::recip));
         let mut value = DMatrix::zeros(state_space.d.nrows(), INPUTS);
         value.columns_mut(0, LEGS).copy_from(&out.floor);
         value.columns_mut(LEGS, LEGS).copy_from(&out.actuators);
         let input = state_space.b.rows(n, n);
         value += &out.displacement * &soft * input;
-        let slope = -(&out.displacement * &soft * damping * &soft * input);
+        let slope = (&out.velocity - &out.displacement * &soft * damping) * &soft * input;
         Ok(Self {
             state_space,
             terms: Terms::new(&poles),
@@ -184,7 +191,7 @@ impl Plant {
                 .rows_mut(0, LEGS)
                 .copy_from(&(design.sensing * s)),
             FeedbackKind::Force => {
-                let displacement = -(design.sensing * design.rigid.stiffness * s);
+                let displacement = -(design.sensing * design.suspension.stiffness * s);
                 out.displacement.rows_mut(0, LEGS).copy_from(&displacement);
                 out.actuators.rows_mut(0, LEGS).copy_from(&design.sensing);
             }
@@ -193,7 +200,7 @@ impl Plant {
         StateSpace::new(
             &DVector::from_iterator(LEGS, design.omega.iter().map(|w| w * w)),
             &DMatrix::zeros(LEGS, LEGS),
-            &by_six(-(s.transpose() * design.rigid.rheonomic)),
+            &by_six(-(s.transpose() * design.suspension.rheonomic)),
             &by_six(s.transpose()),
             &out,
         )
@@ -235,13 +242,39 @@ impl Plant {
         pole_peaks(self.poles.iter().map(|pole| &pole.lambda))
     }
 
-    /// The frequency response of the continuous plant at `hz`, Hz.
+    /// The frequency response of the continuous plant at `hz`, Hz. At an undamped pole it is that
+    /// a little beside it: for the plant without control there, see [`open`](Self::open).
     pub fn response(&self, hz: f64) -> Response<'_> {
+        let (s, at_pole) = contour(&self.poles, hz);
         Response {
             terms: &self.terms,
-            part: continuous(&self.poles, &self.slow, hz, Complex::ONE),
+            part: continuous(&self.poles, &self.slow, s, Complex::ONE),
             sampled: None,
             sensors: self.sensors,
+            at_pole,
         }
     }
+
+    /// The gains from the floor accelerations, m/s², to the output `rows` at `hz`, Hz, without
+    /// control: infinite where an undamped mode resonates.
+    pub fn open(&self, hz: f64, rows: Range<usize>) -> Gain {
+        let response = self.response(hz);
+        let gain = response.from_floor(rows.clone());
+        if !response.at_pole {
+            return gain;
+        }
+        let beside = self.response(hz * (1.0 + ASIDE)).from_floor(rows);
+        gain.zip_map(&beside, |at, beside| {
+            if at.norm() > RESONATES * beside.norm() {
+                Complex::from(f64::INFINITY)
+            } else {
+                at
+            }
+        })
+    }
 }
+
+/// A mode resonates in an output if the gain at its frequency is [`RESONATES`] times that at this
+/// part beside it; a resonance without damping makes 1e4.
+const ASIDE: f64 = 1e-3;
+const RESONATES: f64 = 1e3;

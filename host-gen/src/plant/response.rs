@@ -7,6 +7,7 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6};
 use shared::LEGS;
 
 use super::partial_fractions::PlantPole;
+use crate::numeric::frequencies::NARROWEST;
 
 /// The residues of all poles as products of real vectors, so that a frequency takes real matrix
 /// products only.
@@ -23,17 +24,34 @@ pub(super) struct Terms {
     inputs: [MatrixXx6<f64>; 2],
 }
 
-/// The gains of all poles at `hz`, Hz; those from the leg forces times `hold`.
+/// s = jω at `hz`, Hz; around an undamped pole a little to the right of it, as the Nyquist contour
+/// goes, by [`NARROWEST`] of the frequency. And whether it is there.
+///
+/// At such a pole the open plant is infinite, but a closed loop is not: the pole cancels in it,
+/// and what is evaluated this close differs by that part only.
+pub(super) fn contour(poles: &[PlantPole], hz: f64) -> (Complex<f64>, bool) {
+    let s = Complex::new(0.0, TAU * hz);
+    let near = |pole: &PlantPole| {
+        let size = NARROWEST * pole.lambda.norm();
+        pole.lambda.re.abs() < size && (s - pole.lambda).norm() < 10.0 * size
+    };
+    if poles.iter().any(near) {
+        (s + NARROWEST * TAU * hz, true)
+    } else {
+        (s, false)
+    }
+}
+
+/// The gains of all poles at `s`, rad/s; those from the leg forces times `hold`.
 ///
 /// `value` and `slope` are G(0) and dG/ds at s = 0. The poles' contributions are counted from
 /// there, so that accelerations far below the modes keep their digits.
 pub(super) fn continuous<'a>(
     poles: &[PlantPole],
     [value, slope]: &'a [DMatrix<f64>; 2],
-    hz: f64,
+    s: Complex<f64>,
     hold: Complex<f64>,
 ) -> ResponsePart<'a> {
-    let s = Complex::new(0.0, TAU * hz);
     // 1/(s − λ) minus its value and slope at s = 0.
     let passes = |_, lambda: Complex<f64>| {
         let ratio = s / lambda;
@@ -120,6 +138,8 @@ pub struct Response<'a> {
     /// For a sampled plant, the response from the samples of the forces to those of the sensors.
     pub(super) sampled: Option<ResponsePart<'a>>,
     pub(super) sensors: usize,
+    /// Whether the frequency is that of an undamped pole, to ten times [`NARROWEST`].
+    pub(super) at_pole: bool,
 }
 
 /// The factors of [`Terms`] at one frequency, and the matrices to add.
@@ -165,8 +185,9 @@ impl Response<'_> {
     /// The gains from the floor accelerations to the output `rows` with the loop closed by output
     /// feedback, Eq. (5): σ = C·y, with C = `controller`.
     ///
-    /// With twelve sensors, a controller of six columns feeds back the first six only. All gains
-    /// are infinite if the frequency is exactly that of an undamped pole of the closed loop.
+    /// With twelve sensors, a controller of six columns feeds back the first six only. Undamped
+    /// poles of the plant cancel. All gains are infinite if the frequency is exactly that of an
+    /// undamped pole of the closed loop.
     pub fn close(&self, rows: Range<usize>, controller: &Control) -> Gain {
         // σ = (1 − C·G22)⁻¹·C·G21·q̈_r
         let sensors = 0..controller.ncols();

@@ -7,7 +7,7 @@ use shared::LEGS;
 
 use super::generalised::Plant;
 use super::lags::Lagged;
-use super::response::{Response, ResponsePart, continuous, gains};
+use super::response::{Response, ResponsePart, continuous, contour, gains};
 use crate::machine::Board;
 
 /// The exact change of one pole's state over a sample period T.
@@ -182,9 +182,11 @@ impl SampledPlant {
     }
 
     /// The frequency response of the sampled plant at `hz`, Hz. The phase of a force is that of
-    /// the sample from which it was computed.
+    /// the sample from which it was computed. At an undamped pole of the plant it is that a little
+    /// beside it.
     pub fn response(&self, hz: f64) -> Response<'_> {
-        let z = self.z(hz);
+        let (s, at_pole) = contour(&self.lagged.poles, hz);
+        let z = (s * self.period).exp();
         let delay = z.powi(-(self.whole_periods as i32));
         let seen = delay / z;
         let passes = |k: usize, lambda| {
@@ -201,7 +203,7 @@ impl SampledPlant {
             [Complex::ZERO, force]
         };
         // The latch delay and the zero-order hold.
-        let turn = Complex::new(0.0, TAU * hz * self.period);
+        let turn = s * self.period;
         let hold = delay * (-turn * self.part).exp() * phi(1, -turn);
         let Lagged {
             poles,
@@ -212,7 +214,8 @@ impl SampledPlant {
         Response {
             terms,
             sensors: self.plant.sensors,
-            part: continuous(poles, slow, hz, hold),
+            at_pole,
+            part: continuous(poles, slow, s, hold),
             sampled: Some(ResponsePart {
                 direct: [Some((direct, [Complex::ZERO, seen])), None],
                 gains: gains(poles, passes),

@@ -23,10 +23,11 @@ pub struct StateSpace {
     pub d: DMatrix<f64>,
 }
 
-/// The outputs in terms of z̈, z, q̈_r and σ, each with one row for each output:
-/// y = acceleration·z̈ + displacement·z + floor·q̈_r + actuators·σ.
+/// The outputs in terms of z̈, ż, z, q̈_r and σ, each with one row for each output:
+/// y = acceleration·z̈ + velocity·ż + displacement·z + floor·q̈_r + actuators·σ.
 pub(super) struct Outputs {
     pub(super) acceleration: DMatrix<f64>,
+    pub(super) velocity: DMatrix<f64>,
     pub(super) displacement: DMatrix<f64>,
     pub(super) floor: MatrixXx6<f64>,
     pub(super) actuators: MatrixXx6<f64>,
@@ -36,6 +37,7 @@ impl Outputs {
     pub(super) fn zeros(count: usize, modes: usize) -> Self {
         Self {
             acceleration: DMatrix::zeros(count, modes),
+            velocity: DMatrix::zeros(count, modes),
             displacement: DMatrix::zeros(count, modes),
             floor: MatrixXx6::zeros(count),
             actuators: MatrixXx6::zeros(count),
@@ -66,13 +68,15 @@ impl StateSpace {
         b.view_mut((n, LEGS), (n, LEGS)).copy_from(actuators);
         let Outputs {
             acceleration,
+            velocity,
             displacement,
             ..
         } = outputs;
         let mut c = DMatrix::zeros(acceleration.nrows(), 2 * n);
         c.columns_mut(0, n)
             .copy_from(&(displacement - acceleration * stiffness));
-        c.columns_mut(n, n).copy_from(&(-acceleration * damping));
+        c.columns_mut(n, n)
+            .copy_from(&(velocity - acceleration * damping));
         let mut d = DMatrix::zeros(acceleration.nrows(), INPUTS);
         d.columns_mut(0, LEGS)
             .copy_from(&(acceleration * floor + &outputs.floor));

@@ -11,21 +11,15 @@ use shared::LEGS;
 use super::state_space::StateSpace;
 use crate::machine::FeedbackKind;
 use crate::numeric::NumericError;
-use crate::numeric::eigen::{eigenvalues, generalised_eigenvalues};
-
-/// D is inverted only if its smallest singular value times this exceeds its scale.
-const CONDITION: f64 = 1e8;
-
-/// A finite zero of a machine is at most this many times as fast as its fastest pole. Larger
-/// eigenvalues of the pencil are infinite ones with rounding errors.
-const FINITE: f64 = 30.0;
+use crate::numeric::pencil::finite_eigenvalues;
 
 /// Whether any of the zeros, rad/s, is unstable, that is, in the right half plane.
 ///
 /// Then the machine is unstable while the sensors read zero, for example because the load of a
-/// leg under gravity exceeds its lateral stiffness, and high gain makes the closed loop unstable.
+/// leg under gravity exceeds its lateral stiffness, or because the sensors are away from the legs.
+/// High gain makes the closed loop unstable.
 pub fn grow(zeros: &[Complex<f64>]) -> bool {
-    // Rounding leaves real parts of about 1e-9 of |s|.
+    // Rounding leaves real parts of about 1e-9 of |s|; zeros at s = 0 are exactly there.
     zeros.iter().any(|s| s.re > 1e-6 * s.norm())
 }
 
@@ -35,8 +29,11 @@ pub fn grow(zeros: &[Complex<f64>]) -> bool {
 /// zeros, so with both kinds the result is the zeros of the accelerometers, then those of the
 /// force sensors.
 ///
+/// Zeros at s = 0 are exactly zero: those of a machine that is free while its sensors read zero.
+///
 /// # Errors
-/// [`NumericError::NotConverged`] if an eigenvalue iteration does not converge.
+/// [`NumericError::NotConverged`] if an eigenvalue iteration does not converge, and
+/// [`NumericError::Singular`] if the legs do not reach the sensors at any frequency.
 pub fn transmission_zeros(
     plant: &StateSpace,
     feedback: FeedbackKind,
@@ -51,6 +48,10 @@ pub fn transmission_zeros(
     }
 }
 
+/// Slowest mode that has its own unit of displacement, as a part of the fastest: a mode without
+/// stiffness has none.
+const SLOW: f64 = 1e-6;
+
 /// The zeros of the six sensors from row `first` on, rad/s, in ascending order of |s|.
 ///
 /// Six accelerometers have twelve zeros at s = 0, because they read zero for constant forces.
@@ -60,39 +61,45 @@ fn of_six(
     first: usize,
     accelerometers: bool,
 ) -> Result<Vec<Complex<f64>>, NumericError> {
-    let b = plant.b.columns(LEGS, LEGS);
-    let c = plant.c.rows(first, LEGS);
-    let d = plant.d.view((first, LEGS), (LEGS, LEGS)).into_owned();
-    // The size of the terms that cancel in D. If forces reach the sensors only through springs,
-    // D is nothing but rounding errors. A mode without stiffness makes A singular; then use the
-    // pencil.
-    let slow = plant.a.clone().lu().solve(&b.into_owned());
-    let scale = slow.map_or(f64::INFINITY, |slow| (c.abs() * slow.abs()).amax());
-    let inverse = (d.singular_values().min() * CONDITION > scale)
-        .then(|| d.clone().try_inverse())
-        .flatten();
-    let mut zeros = if let Some(inverse) = inverse {
-        eigenvalues(&(&plant.a - b * inverse * c))?
-    } else {
-        let n = plant.a.nrows();
-        let mut left = DMatrix::zeros(n + LEGS, n + LEGS);
-        left.view_mut((0, 0), (n, n)).copy_from(&plant.a);
-        left.view_mut((0, n), (n, LEGS)).copy_from(&b);
-        left.view_mut((n, 0), (LEGS, n)).copy_from(&c);
-        left.view_mut((n, n), (LEGS, LEGS)).copy_from(&d);
-        let mut right = DMatrix::zeros(n + LEGS, n + LEGS);
-        right.view_mut((0, 0), (n, n)).fill_with_identity();
-        let fastest = eigenvalues(&plant.a)?
-            .iter()
-            .map(|s| s.norm())
-            .fold(0.0, f64::max);
-        let mut all = generalised_eigenvalues(&left, &right)?;
-        all.retain(|s| s.norm() < FINITE * fastest);
-        all
-    };
-    zeros.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
-    if accelerometers {
-        zeros.drain(..zeros.len().min(2 * LEGS));
+    let states = plant.a.nrows();
+    let modes = states / 2;
+    let size = states + LEGS;
+    // Units in which all entries are about 1, so that ranks show: time by the fastest mode, each
+    // mode's displacement by its own frequency, forces and sensors each by their largest effect.
+    let own = |k: usize| plant.a[(modes + k, k)].abs().sqrt();
+    let fastest = (0..modes).map(own).fold(0.0, f64::max);
+    let mut f = DMatrix::zeros(size, size);
+    f.view_mut((0, 0), (states, states)).copy_from(&plant.a);
+    f.view_mut((0, states), (states, LEGS))
+        .copy_from(&plant.b.columns(LEGS, LEGS));
+    f.view_mut((states, 0), (LEGS, states))
+        .copy_from(&plant.c.rows(first, LEGS));
+    f.view_mut((states, states), (LEGS, LEGS))
+        .copy_from(&plant.d.view((first, LEGS), (LEGS, LEGS)));
+    f.rows_mut(0, states).unscale_mut(fastest);
+    for k in 0..modes {
+        let own = own(k).max(SLOW * fastest);
+        f.row_mut(k).scale_mut(own);
+        f.column_mut(k).unscale_mut(own);
     }
+    for leg in 0..LEGS {
+        let largest = f.view((0, states + leg), (states, 1)).amax();
+        f.column_mut(states + leg).unscale_mut(largest);
+    }
+    for sensor in 0..LEGS {
+        let largest = f.row(states + sensor).amax();
+        f.row_mut(states + sensor).unscale_mut(largest);
+    }
+    let mut e = DMatrix::zeros(size, size);
+    e.view_mut((0, 0), (states, states)).fill_with_identity();
+    let finite = finite_eigenvalues(e, f)?;
+    let at_zero = if accelerometers {
+        finite.at_zero.saturating_sub(2 * LEGS)
+    } else {
+        finite.at_zero
+    };
+    let mut zeros: Vec<_> = finite.others.into_iter().map(|s| s * fastest).collect();
+    zeros.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+    zeros.splice(0..0, vec![Complex::ZERO; at_zero]);
     Ok(zeros)
 }

@@ -97,7 +97,7 @@ pub fn isolation(own: &DesignedStudy) -> Result<Chart, NumericError> {
             .map(|&hz| (hz, db(largest_singular_value(&gain(hz)))))
             .collect()
     };
-    let open = curve(&|hz| plant.response(hz).from_floor(whole.clone()) * rigid);
+    let open = curve(&|hz| plant.open(hz, whole.clone()) * rigid);
     let mut series = vec![Series::line("open", Colour::Open, open).main()];
     let colour = colour(study.design_model().feedback);
     if stable(&ideal) {

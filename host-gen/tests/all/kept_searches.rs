@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use host_gen::design::outcome::Advice;
+use host_gen::design::outcome::{Advice, Refusal};
 use host_gen::design::{Cache, Design, DesignError, Search, Study};
 use tempfile::TempDir;
 
@@ -208,7 +208,10 @@ fn shapes_of_the_file_are_verified() {
         matches!(
             refused,
             DesignError::Unreachable {
-                advice: Advice::OtherShapes,
+                refusal: Refusal {
+                    advice: Advice::OtherShapes,
+                    ..
+                },
                 ..
             }
         ),

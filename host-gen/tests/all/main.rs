@@ -3,6 +3,7 @@
 
 mod analysis;
 mod bad_files;
+mod cases;
 mod common;
 mod edits;
 mod kept_searches;

@@ -9,7 +9,7 @@ use host_gen::control::gains::ModalTransform;
 use host_gen::control::shape::{Resonance, Shape};
 use host_gen::control::table::{direct, modal};
 use host_gen::design::Study;
-use host_gen::design::outcome::Advice;
+use host_gen::design::outcome::{Advice, Refusal};
 use host_gen::design::{Design, DesignError};
 use host_gen::machine::Simulation;
 use host_gen::numeric::frequencies::pole_peaks;
@@ -325,7 +325,10 @@ fn the_nearest_is_within_reach() {
     };
     let error = frame(1.0).as_ref().unwrap_err();
     let DesignError::Unreachable {
-        advice: Advice::Nearest(hz),
+        refusal: Refusal {
+            advice: Advice::Nearest(hz),
+            ..
+        },
         ..
     } = *error
     else {

@@ -8,7 +8,7 @@ use crate::common::{
 use host_gen::closed_loop::{LoopGrid, SampledLoop, stable};
 use host_gen::control::LinearLaw;
 use host_gen::control::table::direct;
-use host_gen::design::outcome::Advice;
+use host_gen::design::outcome::{Advice, Refusal};
 use host_gen::design::{Design, DesignError, Shaping, Study};
 use host_gen::machine::{Board, Simulation};
 use host_gen::numeric::singular::largest_singular_value;
@@ -334,7 +334,11 @@ fn unreachable_targets_name_the_nearest() {
         };
         let error = edits(frequency).as_ref().unwrap_err();
         let DesignError::Unreachable {
-            advice: Advice::Nearest(nearest),
+            refusal:
+                Refusal {
+                    advice: Advice::Nearest(nearest),
+                    ..
+                },
             ..
         } = *error
         else {
@@ -350,7 +354,10 @@ fn unreachable_targets_name_the_nearest() {
     assert!(matches!(
         hopeless,
         DesignError::Unreachable {
-            advice: Advice::NoFrequency,
+            refusal: Refusal {
+                advice: Advice::NoFrequency,
+                ..
+            },
             ..
         }
     ));

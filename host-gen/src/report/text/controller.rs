@@ -91,13 +91,15 @@ impl Display for DesignAnalysis {
             "{TITLE}Bode's integral, mean of the modes:{TITLE:#} {:.0} Hz of attenuation, {:.0} Hz of amplification;",
             bode.attenuation_hz, bode.amplification_hz
         )?;
-        writeln!(
-            f,
-            "  the bound, from {:.0} Hz to where the delay alone turns the phase by 180°, allows {:.0} Hz: {:.0} % of that is used",
-            bode.crossover_hz,
-            bode.limit_hz,
-            100.0 * bode.amplification_hz / bode.limit_hz
-        )?;
+        if bode.limit_hz > 0.0 {
+            writeln!(
+                f,
+                "  the bound, from {:.0} Hz to where the delay alone turns the phase by 180°, allows {:.0} Hz: {:.0} % of that is used",
+                bode.crossover_hz,
+                bode.limit_hz,
+                100.0 * bode.amplification_hz / bode.limit_hz
+            )?;
+        }
         write!(f, "Single precision relative to sensor noise, dB:")?;
         for Rounding {
             hz, over_noise_db, ..

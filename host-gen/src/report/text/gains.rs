@@ -54,8 +54,8 @@ impl Display for GainAnalysis {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{TITLE}Design model of {}: all bodies as one rigid body{TITLE:#}",
-            self.machine
+            "{TITLE}Design model of {}: {}{TITLE:#}",
+            self.machine, self.reduction
         )?;
         write_rows(f, "  M_d, kg, Eq. (13)", &self.mass)?;
         write_rows(f, "  K_d, N/m, Eq. (13)", &self.stiffness)?;

@@ -79,14 +79,25 @@ pub(super) fn write_design(f: &mut Formatter<'_>, r: &Design) -> fmt::Result {
         "  isolates from {:.2} Hz (ideal loop: from {:.2} Hz)",
         r.isolation_from_hz, r.isolation_from_ideal_hz
     )?;
+    if let Some(below) = r.below {
+        writeln!(
+            f,
+            "  below {} Hz, the loop raises σ_max(G11) by at most {:.1} dB, at {:.2} Hz",
+            below.high_hz, below.db, below.hz
+        )?;
+    }
     let bands = r.bands.iter().map(|band| {
         let mut row = vec![
             band.name.clone(),
             format!("{} to {} Hz", band.low_hz, band.high_hz),
         ];
         let cost = band.sampled_db - band.ideal_db;
-        let levels = [band.open_db, band.ideal_db, band.sampled_db, cost];
-        row.extend(levels.map(|db| format!("{db:.1}")));
+        row.extend([
+            level(band.open_db, "undamped"),
+            level(band.ideal_db, "unstable"),
+            level(band.sampled_db, "undamped"),
+            level(cost, "-"),
+        ]);
         row
     });
     if r.bands.is_empty() {
@@ -95,6 +106,15 @@ pub(super) fn write_design(f: &mut Formatter<'_>, r: &Design) -> fmt::Result {
     writeln!(f, "  Highest peak of σ_max(G11), dB")?;
     let head = cells(["", "", "open", "ideal", "sampled", "sampled minus ideal"]);
     write_table(f, 4, 2, [head].into_iter().chain(bands))
+}
+
+/// A level, dB, or why it is none.
+fn level(db: f64, otherwise: &str) -> String {
+    if db.is_finite() {
+        format!("{db:.1}")
+    } else {
+        otherwise.to_owned()
+    }
 }
 
 pub(super) fn write_simulation(f: &mut Formatter<'_>, s: &Comparison) -> fmt::Result {

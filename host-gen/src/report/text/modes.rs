@@ -44,7 +44,7 @@ impl Display for ModeAnalysis {
             }
             writeln!(f)?;
         }
-        write!(f, "  All bodies as one rigid body, Hz:")?;
+        write!(f, "  Design model ({}), Hz:", self.reduction)?;
         for hz in self.rigid_modes_hz {
             write!(f, " {hz:.3}")?;
         }
@@ -52,11 +52,12 @@ impl Display for ModeAnalysis {
         if !self.leg_loads.is_empty() {
             let head = cells(["Under gravity", "axial force, N", "buckling load, N", ""]);
             let rows = self.leg_loads.iter().map(|load| {
-                let buckles = -load.axial_force > load.buckling_load;
+                let limit = load.buckling_load;
+                let buckles = limit.is_some_and(|limit| -load.axial_force > limit);
                 vec![
                     load.beam.clone(),
                     format!("{:.1}", load.axial_force),
-                    format!("{:.1}", load.buckling_load),
+                    limit.map_or_else(|| "-".to_owned(), |limit| format!("{limit:.1}")),
                     if buckles { "buckles" } else { "" }.to_owned(),
                 ]
             });

@@ -31,9 +31,14 @@ impl Display for ZeroAnalysis {
                 )?;
             }
             if kind.unstable {
+                let cause = if kind.by_weight {
+                    "With the sensor outputs held at zero, the machine is unstable:\n    its stiffness under gravity is negative."
+                } else {
+                    "It is so without gravity, too:\n    the sensors are not where the legs act."
+                };
                 writeln!(
                     f,
-                    "    {WARNING}Warning:{WARNING:#} a zero is unstable. With the sensor outputs held at zero, the machine is unstable:\n    its stiffness under gravity is negative, and no gain of this kind can stabilise it."
+                    "    {WARNING}Warning:{WARNING:#} a zero is unstable. {cause} High gain of this kind makes the loop unstable."
                 )?;
             }
         }

@@ -164,7 +164,7 @@ function machine(m) {
   const rows = m.modes.modes.map((mode, i) => [i + 1, fixed(mode.hz, 3), mode.kind, fixed(mode.modal_mass, 1), `${fixed(100 * part(mode))} %`,
     ...mode.kinetic.map((k) => `${fixed(100 * k.share)} %`)]);
   const head = ["#", "Hz", "kind", "modal mass, kg", "strain energy in legs", ...m.scene.bodies.map((b) => `kinetic, ${escape(b.name)}`)];
-  const loads = m.modes.leg_loads.map((l) => [escape(l.beam), fixed(l.axial_force), fixed(l.buckling_load)]);
+  const loads = m.modes.leg_loads.map((l) => [escape(l.beam), fixed(l.axial_force), l.buckling_load === null ? "–" : fixed(l.buckling_load)]);
   return `<p>Drag to rotate, scroll to zoom, point at a part to see its data.</p>
     <div class="view"><div class="stage" id="scene"></div><div id="energies"></div></div>
     <div class="controls"><button id="play" aria-pressed="true">moving</button><button id="rest">at rest</button>
@@ -173,7 +173,7 @@ function machine(m) {
     <div class="legend">${swatch(LEG, "leg")}${swatch(PIEZO, "actuator")}${swatch(FORCE, "force sensor")}${swatch(ACCELERATION, "accelerometer")}${swatch(BEAM, "other beam")}${swatch(FLOOR, "floor input, foot")}</div>
     <h3>Modes</h3><p class="note">Shown in slow motion and strongly magnified. A suspension mode has its strain energy in the legs, an internal mode between the bodies.</p>
     <div class="gallery" id="gallery"></div>${table(head, rows)}
-    <p class="note">Modes of the design model, with all bodies as one rigid body; the gains are designed for these: ${m.modes.rigid_modes_hz.map((hz) => fixed(hz, 2)).join(", ")} Hz.</p>
+    <p class="note">Modes of the design model (${m.modes.reduction}); the gains are designed for these: ${m.modes.rigid_modes_hz.map((hz) => fixed(hz, 2)).join(", ")} Hz.</p>
     ${loads.length ? `<h3>Under gravity</h3>${table(["beam", "axial force, N", "buckling load, N"], loads)}` : ""}`;
 }
 
