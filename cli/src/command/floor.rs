@@ -8,7 +8,7 @@ use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::floors::FloorAnalysis;
 use host_gen::analysis::vibration::{Floor, SpectrumError, both_budgets};
 
-use crate::arguments::{Common, band, criterion};
+use crate::arguments::{Common, band, criterion, within};
 use crate::failure::{Failure, in_loop};
 use crate::print;
 use crate::search::{Searcher, study};
@@ -59,6 +59,7 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
             if !(density.is_finite() && density >= 0.0) {
                 return Err(Failure::Option("white"));
             }
+            within("white", density, "board.accelerometer.noise_density")?;
             (
                 Floor::White(density),
                 format!("white, {density:e} m/s²/√Hz"),

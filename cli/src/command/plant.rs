@@ -7,7 +7,7 @@ use clap::Args;
 use host_gen::analysis::plant_matrices::PlantMatrices;
 use host_gen::design::Study;
 use host_gen::machine::Machine;
-use host_gen::plant::export::{Generalised, matrix_market};
+use host_gen::plant::export::{Generalised, matrix_market, plain_text};
 
 use crate::arguments::Common;
 use crate::failure::Failure;
@@ -18,7 +18,8 @@ use crate::print;
 pub struct PlantArguments {
     #[command(flatten)]
     common: Common,
-    /// Folder for A, B, C and D as Matrix Market files, for each kind of feedback.
+    /// Folder for A, B, C and D, for each kind of feedback: as Matrix Market files (.mtx), and
+    /// as plain text (.txt) for Octave, MATLAB and Julia.
     #[arg(long)]
     matrix_market: Option<PathBuf>,
 }
@@ -36,8 +37,9 @@ pub fn plant(arguments: &PlantArguments) -> Result<(), Failure> {
             let Generalised { a, b, c, d } = Generalised::new(&study.plant().plant);
             let kind = study.design_model().feedback.name();
             for (name, matrix) in [("A", a), ("B", b), ("C", c), ("D", d)] {
-                let path = folder.join(format!("{kind}-{name}.mtx"));
-                write_whole(&path, matrix_market(&matrix).as_bytes())?;
+                let path = |ending| folder.join(format!("{kind}-{name}.{ending}"));
+                write_whole(&path("mtx"), matrix_market(&matrix).as_bytes())?;
+                write_whole(&path("txt"), plain_text(&matrix).as_bytes())?;
             }
         }
     }

@@ -3,7 +3,7 @@
 use clap::Args;
 use host_gen::analysis::robustness::{RobustnessAnalysis, monte_carlo};
 
-use crate::arguments::Common;
+use crate::arguments::{Common, within};
 use crate::failure::{Failure, in_study};
 use crate::print;
 use crate::search::{Bar, Searcher, study};
@@ -29,6 +29,7 @@ pub fn robust(arguments: &RobustArguments, searcher: &Searcher) -> Result<(), Fa
         if samples == 0 {
             return Err(Failure::Option("samples"));
         }
+        within("samples", samples as f64, "robustness.samples")?;
         settings.samples = samples;
     }
     if let Some(seed) = arguments.seed {

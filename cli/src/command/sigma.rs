@@ -5,7 +5,7 @@ use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
 use host_gen::design::DesignedStudy;
 use host_gen::machine::Machine;
 
-use crate::arguments::{Common, band};
+use crate::arguments::{Common, band, positive};
 use crate::failure::{Failure, in_loop};
 use crate::print;
 use crate::search::{Bar, Searcher};
@@ -29,15 +29,24 @@ pub struct SigmaArguments {
     at: Vec<f64>,
 }
 
+/// A million points take minutes; no peak needs them.
+const MOST_POINTS: usize = 1_000_000;
+
 pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let frequencies = if arguments.at.is_empty() {
         let [low, high] = band(arguments.from, arguments.to)?;
         let count = arguments.points.max(2);
+        if count > MOST_POINTS {
+            return Err(Failure::Most {
+                flag: "points",
+                most: MOST_POINTS,
+            });
+        }
         Frequencies::Adaptive { low, high, count }
     } else {
-        if !arguments.at.iter().all(|hz| hz.is_finite() && *hz > 0.0) {
-            return Err(Failure::Option("at"));
+        for &hz in &arguments.at {
+            positive("at", hz, "performance.bands.*")?;
         }
         Frequencies::At(arguments.at.clone())
     };

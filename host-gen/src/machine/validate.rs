@@ -19,6 +19,7 @@ use super::file::{
     ForceSensorEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry,
     SensorEntry, ShapeEntry, Simulation, SupervisionSettings,
 };
+use super::limits::{self, Limits};
 use super::source::{Source, has};
 
 type Checked<T> = Result<T, EntryError>;
@@ -61,6 +62,7 @@ fn check(file: MachineFile) -> Checked<Machine> {
         ));
     }
     check_name(&file.name)?;
+    limits::check(&file)?;
     let nodes = nodes(&file)?;
     let bodies = bodies(&file.bodies)?;
     let beams = beams(&file, &nodes)?;
@@ -411,6 +413,7 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                     "the two nodes are too far apart to compute the length of the beam",
                 ));
             }
+            // Less is the rounding of positions.
             if length < 1e-9 {
                 return Err(EntryError::new(
                     format!("{entry}.nodes"),
@@ -483,17 +486,27 @@ fn stiffness(entry: &str, p: &ProfileEntry, length: f64) -> Checked<Stiffness> {
         }
     };
     let [y, z] = stiffness.bending;
-    for (name, value, unit) in [
-        ("axial stiffness EA/L", stiffness.axial, "N/m"),
-        ("bending stiffness EI/L", y, "N m"),
-        ("bending stiffness EI/L", z, "N m"),
-        ("torsional stiffness GJ/L", stiffness.torsion, "N m"),
+    for (name, key, value, unit) in [
+        ("axial stiffness EA/L", "axial", stiffness.axial, "N/m"),
+        ("bending stiffness EI/L", "bending", y, "N m"),
+        ("bending stiffness EI/L", "bending", z, "N m"),
+        ("torsional stiffness GJ/L", "torsion", stiffness.torsion, "N m"),
     ] {
         if !(value.is_finite() && value >= 0.0) {
             return Err(EntryError::new(
                 entry,
                 format!("{name} must be finite and at least 0 {unit}, not {value}"),
             ));
+        }
+        // It may come from a section and a length.
+        if let Some(limits) = Limits::of(&format!("profiles.*.{key}"))
+            && !limits.hold(value)
+        {
+            return Err(EntryError::new(
+                entry,
+                format!("{name} must be {limits}, not {value:e}"),
+            )
+            .fix("check the units of the section and of the nodes"));
         }
     }
     Ok(stiffness)
@@ -688,6 +701,10 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         let message = "range must be [low, high], in V, with low < high, both finite";
         EntryError::new("board.dac.range", message)
     })?;
+    if high - low < 1e-6 {
+        let message = "range must be at least 1e-6 V wide";
+        return Err(EntryError::new("board.dac.range", message));
+    }
     let gain = not_zero("board.actuator.gain", spec.actuator.gain)?;
     let limit = positive("board.actuator.limit", spec.actuator.limit, "N")?;
     let reach = dac.reach(gain);
