@@ -20,10 +20,9 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
             output.write_all(bytes)?;
             output.flush()
         }
-        Ok(there) if !there.is_file() => OpenOptions::new()
-            .write(true)
-            .open(path)?
-            .write_all(bytes),
+        Ok(there) if !there.is_file() => {
+            OpenOptions::new().write(true).open(path)?.write_all(bytes)
+        }
         Ok(there) if there.permissions().readonly() => Err(io::Error::new(
             io::ErrorKind::PermissionDenied,
             "it is read-only; make it writable, or choose another file",

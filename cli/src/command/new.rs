@@ -230,15 +230,15 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
             a.payload_below,
             "Distance of the payload's centre of gravity below the frame, m",
             payload_below,
-        LENGTH,
-    )?;
+            LENGTH,
+        )?;
         internal = ask.number(
             "internal",
             a.internal,
             "Approximate frequency of the payload's internal modes, Hz",
             internal,
-        HERTZ,
-    )?;
+            HERTZ,
+        )?;
     }
     let kinds = [
         (

@@ -6,13 +6,13 @@ use std::path::PathBuf;
 use clap::Args;
 use host_gen::analysis::plant_matrices::PlantMatrices;
 use host_gen::design::Study;
-use host_gen::machine::Machine;
 use host_gen::plant::export::{Generalised, matrix_market, plain_text};
 
 use crate::arguments::Common;
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::print;
+use crate::search::{study, warnings};
 
 #[derive(Args)]
 pub struct PlantArguments {
@@ -25,15 +25,17 @@ pub struct PlantArguments {
 }
 
 pub fn plant(arguments: &PlantArguments) -> Result<(), Failure> {
-    let machine = Machine::load(&arguments.common.model)?;
-    let report = PlantMatrices::new(&machine)?;
+    let Common { model, format } = &arguments.common;
+    let study = study(model)?;
+    let machine = study.machine();
+    let report = PlantMatrices::new(machine)?;
     if let Some(folder) = &arguments.matrix_market {
         fs::create_dir_all(folder).map_err(|error| Failure::Io {
             path: folder.display().to_string(),
             what: "created",
             error,
         })?;
-        for study in Study::of_each_kind(&machine)? {
+        for study in Study::of_each_kind(machine)? {
             let Generalised { a, b, c, d } = Generalised::new(&study.plant().plant);
             let kind = study.design_model().feedback.name();
             for (name, matrix) in [("A", a), ("B", b), ("C", c), ("D", d)] {
@@ -43,5 +45,5 @@ pub fn plant(arguments: &PlantArguments) -> Result<(), Failure> {
             }
         }
     }
-    print::result(arguments.common.format, &report)
+    print::warned(*format, &report, &warnings(model, &study)?)
 }

@@ -6,7 +6,7 @@ use host_gen::analysis::robustness::{RobustnessAnalysis, monte_carlo};
 use crate::arguments::{Common, within};
 use crate::failure::{Failure, in_study};
 use crate::print;
-use crate::search::{Bar, Searcher, study};
+use crate::search::{Bar, Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct RobustArguments {
@@ -39,8 +39,9 @@ pub fn robust(arguments: &RobustArguments, searcher: &Searcher) -> Result<(), Fa
     let bar = Bar::of(settings.samples);
     let spread = monte_carlo(&study, &settings, &design.table, &design.bands, &bar);
     let spread = spread.map_err(in_study(model))?;
-    print::result(
+    print::warned(
         *format,
         &RobustnessAnalysis::new(study.machine(), &settings, spread),
+        &warnings(model, &study)?,
     )
 }

@@ -3,12 +3,11 @@
 use clap::Args;
 use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
 use host_gen::design::DesignedStudy;
-use host_gen::machine::Machine;
 
 use crate::arguments::{Common, band, positive};
 use crate::failure::{Failure, in_loop};
 use crate::print;
-use crate::search::{Bar, Searcher};
+use crate::search::{Bar, Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct SigmaArguments {
@@ -29,8 +28,8 @@ pub struct SigmaArguments {
     at: Vec<f64>,
 }
 
-/// A million points take minutes; no peak needs them.
-const MOST_POINTS: usize = 1_000_000;
+/// More points take minutes; no peak needs them.
+const MOST_POINTS: usize = 100_000;
 
 pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
@@ -50,8 +49,9 @@ pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Fail
         }
         Frequencies::At(arguments.at.clone())
     };
-    let machine = Machine::load(model)?;
-    let studies = DesignedStudy::by_feedback(&machine, &searcher.full(&Bar::search()))?;
-    let sigma = SigmaAnalysis::new(&machine, &studies, frequencies);
-    print::result(*format, &sigma.map_err(in_loop(model))?)
+    let study = study(model)?;
+    let machine = study.machine();
+    let studies = DesignedStudy::by_feedback(machine, &searcher.full(&Bar::search()))?;
+    let sigma = SigmaAnalysis::new(machine, &studies, frequencies).map_err(in_loop(model))?;
+    print::warned(*format, &sigma, &warnings(model, &study)?)
 }

@@ -4,12 +4,12 @@ use clap::Args;
 use host_gen::design::{Design, Study};
 use host_gen::machine::Simulation;
 use host_gen::report::summary::SimulateSummary;
-use host_gen::simulate::run::{Comparison, compare};
+use host_gen::simulate::run::{Comparison, compare, reports};
 
 use crate::arguments::{Common, positive};
 use crate::failure::Failure;
 use crate::print;
-use crate::search::{Searcher, study};
+use crate::search::{Bar, Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct SimulateArguments {
@@ -42,9 +42,10 @@ pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<()
     }
     let design = searcher.design(model, &study)?;
     let simulation = simulation(&study, &settings, &design);
-    print::result(
+    print::warned(
         arguments.common.format,
         &SimulateSummary::new(&study, design, simulation),
+        &warnings(model, &study)?,
     )
 }
 
@@ -57,5 +58,6 @@ pub fn simulation(study: &Study, settings: &Simulation, design: &Design) -> Comp
         settings,
         &design.table,
         machine.performance_names(),
+        &Bar::of(reports(settings, &machine.board)),
     )
 }

@@ -197,8 +197,8 @@ pub struct RigidModel {
     pub stiffness: Matrix6<f64>,
     /// M_r of Eq. (13), 6×6, kg, for the floor inputs q̈_r.
     pub rheonomic: Matrix6<f64>,
-    /// E_s, 6×6: q_s from the motion of the rigid body, that is, the translation of the origin, m,
-    /// and the rotation, rad. m/m and m/rad.
+    /// E_s, 6×6: q_s from the motion of the rigid body, that is, the translation at the mean
+    /// position of the nodes, m, and the rotation, rad. m/m and m/rad.
     pub elongations: Matrix6<f64>,
 }
 
