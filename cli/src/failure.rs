@@ -46,8 +46,6 @@ pub enum Failure {
         least: f64,
         most: f64,
     },
-    #[error("--{flag} must be at most {most}")]
-    Most { flag: &'static str, most: usize },
     #[error("--leg-angle must be at most 89: vertical legs do not hold the machine sideways")]
     Upright,
     #[error("{0} already exists: use --output or another name")]

@@ -35,11 +35,12 @@ pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Fail
     let Common { model, format } = &arguments.common;
     let frequencies = if arguments.at.is_empty() {
         let [low, high] = band(arguments.from, arguments.to)?;
-        let count = arguments.points.max(2);
-        if count > MOST_POINTS {
-            return Err(Failure::Most {
+        let count = arguments.points;
+        if !(2..=MOST_POINTS).contains(&count) {
+            return Err(Failure::Between {
                 flag: "points",
-                most: MOST_POINTS,
+                least: 2.0,
+                most: MOST_POINTS as f64,
             });
         }
         Frequencies::Adaptive { low, high, count }

@@ -158,8 +158,9 @@ fn flags_beyond_their_limits() {
         ),
         (
             &["sigma", "quick.toml", "--points", "100000000"],
-            "--points",
+            "--points must be from 2 to 1e5",
         ),
+        (&["sigma", "quick.toml", "--points", "0"], "--points"),
         (
             &["simulate", "quick.toml", "--floor-rms", "1e300"],
             "--floor-rms",

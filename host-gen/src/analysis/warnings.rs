@@ -60,10 +60,13 @@ pub fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
             feedback,
         )?)
     {
-        warnings.push(
-            "with the sensor outputs held at zero, the machine is unstable under gravity: see host-gen zeros"
-                .to_owned(),
-        );
+        let under = match study.machine().gravity == Vector3::zeros() {
+            true => "",
+            false => " under gravity",
+        };
+        warnings.push(format!(
+            "with the sensor outputs held at zero, the machine is unstable{under}: see host-gen zeros"
+        ));
     }
     Ok(warnings)
 }
