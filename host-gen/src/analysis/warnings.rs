@@ -198,8 +198,7 @@ fn units(machine: &Machine) -> Vec<String> {
         }
         if sensor.offset.abs() >= range {
             warnings.push(format!(
-                "board.{kind}.offset is beyond the converter's range of ±{} V: is it in mV?",
-                range
+                "board.{kind}.offset is beyond the converter's range of ±{range} V: is it in mV?"
             ));
         }
     }

@@ -231,7 +231,7 @@ mod tests {
         let b = DMatrix::from_row_slice(2, 3, &[1.0, 2.0, 0.3, -1.0, 0.5, 0.2]);
         let (values, vectors) = factored_eigen(&b, Some(&s));
         let sum = b.transpose() * &b + &s;
-        let plain = sum.clone().symmetric_eigenvalues();
+        let plain = sum.symmetric_eigenvalues();
         let mut plain: Vec<f64> = plain.iter().copied().collect();
         plain.sort_by(f64::total_cmp);
         for (i, plain) in plain.into_iter().enumerate() {

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use host_gen::analysis::modes::ModeAnalysis;
 use host_gen::analysis::warnings::warnings;
+use host_gen::closed_loop::{SampledLoop, stable};
 use host_gen::design::Study;
 use host_gen::machine::{Machine, MachineError};
 use host_gen::model::energy::energies;
@@ -66,6 +67,16 @@ fn a_hexapod_of_thirteen_bodies() {
     }
 }
 
+/// Its closed loop has dozens of poles close together, with which an eigenvalue iteration took
+/// minutes for each randomly perturbed machine.
+#[test]
+fn poles_of_thirteen_bodies_end() {
+    let (study, table, design) = crate::common::looped(&case("machines/hexapod-struts.toml"));
+    assert!(design.peak_sensitivity.value <= 2.0);
+    let poles = SampledLoop::new(study.plant(), table).poles().unwrap();
+    assert!(poles.len() > 156 && stable(&poles));
+}
+
 /// The closed form of a cubic hexapod: 71.18 three times, 194.92 twice, 275.66 Hz.
 #[test]
 fn a_machine_far_from_the_origin() {
@@ -121,11 +132,7 @@ fn a_plate_that_only_its_weight_holds() {
     assert_eq!(error.entry(), "bodies.plate");
     assert!(error.message().contains("without deforming"), "{error}");
     // Pulled sideways it would fall.
-    let error = error_of(
-        &text
-            .replace("-9.81]", "-9.81]")
-            .replace("[0.0, 0.0, -9.81]", "[9.0, 0.0, -4.0]"),
-    );
+    let error = error_of(&text.replace("[0.0, 0.0, -9.81]", "[9.0, 0.0, -4.0]"));
     assert_eq!(error.entry(), "bodies.plate");
     assert!(error.message().contains("falls"), "{error}");
 }
