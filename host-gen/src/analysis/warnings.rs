@@ -152,6 +152,24 @@ fn units(machine: &Machine) -> Vec<String> {
             ));
         }
     }
+    let size = (0..machine.bodies.len()).map(|body| {
+        let own = machine.nodes.iter();
+        let own = own.filter(|node| node.carrier == Carrier::Body(body));
+        let body = &machine.bodies[body];
+        let reach = own.map(|node| (node.at - body.cog).norm());
+        reach.fold(body.gyration(), f64::max)
+    });
+    let size = size.fold(0.0, f64::max);
+    let longest = machine.beams.iter();
+    let longest = longest.max_by(|a, b| a.length.total_cmp(&b.length));
+    if let Some(beam) = longest
+        && beam.length > 100.0 * size
+    {
+        warnings.push(format!(
+            "beams.{} is {:.3e} m long, and no body is larger than {size:.3e} m: are all nodes in m?",
+            beam.name, beam.length
+        ));
+    }
     for &leg in &machine.actuators {
         let Beam {
             name, stiffness, ..

@@ -93,7 +93,7 @@ const fn limits(
 const RIGID: f64 = 1e14;
 
 const RIGID_WHY: &str = "stiffer parts are rigid: make one body of what they join";
-const PLACE_WHY: &str = "within 10 km of the origin";
+const PLACE_WHY: &str = "as far as the Earth is wide";
 const RATE_WHY: &str = "what converters and processors can do";
 const VOLTS_WHY: &str = "what converters and amplifiers can do";
 const TIME_WHY: &str = "at most a day";
@@ -106,7 +106,7 @@ const ALL: &[Limits] = &[
     limits("format", 0.0, 1e3, "", "there are few formats"),
     // Components of vectors are often zero up to rounding, so they have no least magnitude.
     limits("gravity", 0.0, 1e3, "m/s²", "100 times that of the Earth"),
-    limits("nodes.*", 0.0, 1e4, "m", PLACE_WHY),
+    limits("nodes.*", 0.0, 1e7, "m", PLACE_WHY),
     limits(
         "bodies.*.mass",
         1e-6,
@@ -115,7 +115,7 @@ const ALL: &[Limits] = &[
         "from a grain of sand to a building",
     ),
     limits("bodies.*.inertia", 0.0, 1e15, "kg m²", "that of a building"),
-    limits("bodies.*.cog", 0.0, 1e4, "m", PLACE_WHY),
+    limits("bodies.*.cog", 0.0, 1e7, "m", PLACE_WHY),
     limits("profiles.*.axial", 1e-6, RIGID, "N/m", RIGID_WHY),
     limits("profiles.*.bending", 1e-9, RIGID, "N m", RIGID_WHY),
     limits("profiles.*.torsion", 1e-9, RIGID, "N m", RIGID_WHY),
@@ -342,7 +342,13 @@ const ALL: &[Limits] = &[
     limits("simulation.floor_band", 1e-3, 1e8, "Hz", "slower is tides"),
     limits("simulation.seed", 0.0, f64::MAX, "", "any"),
     limits("robustness.mass", 0.0, 1.0, "", "a fraction"),
-    limits("robustness.cog", 0.0, 1e4, "m", PLACE_WHY),
+    limits(
+        "robustness.cog",
+        0.0,
+        1e4,
+        "m",
+        "more than any machine is wide",
+    ),
     limits("robustness.leg_stiffness", 0.0, 1.0, "", "a fraction"),
     limits(
         "robustness.samples",
@@ -509,7 +515,7 @@ mod tests {
                 "n3 = [0.0, 0.5, 0.0]",
                 "n3 = [0.0, -1e9, 0.0]",
                 "nodes.n3[1]",
-                "at most 1e4 m",
+                "at most 1e7 m",
             ),
             (
                 "axial = 4.5e7",

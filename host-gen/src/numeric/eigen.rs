@@ -88,8 +88,9 @@ fn turn(matrix: &mut DMatrix<f64>, i: usize, j: usize, cos: f64, sin: f64) {
 /// Cosine and sine of the turn that makes [[a, c], [c, b]] diagonal.
 fn jacobi(a: f64, b: f64, c: f64) -> (f64, f64) {
     let theta = (b - a) / (2.0 * c);
-    let tan = theta.signum() / (theta.abs() + theta.hypot(1.0));
-    let cos = 1.0 / tan.hypot(1.0);
+    // Roots alone, which every processor computes alike.
+    let tan = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+    let cos = 1.0 / (tan * tan + 1.0).sqrt();
     (cos, tan * cos)
 }
 

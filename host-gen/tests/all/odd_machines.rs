@@ -84,7 +84,7 @@ fn a_machine_far_from_the_origin() {
     let expected = ["71.18", "71.18", "71.18", "194.92", "194.92", "275.66"];
     assert_hertz(&hertz(&study(&far)), &expected);
     // Sideways and at an angle as well, with the same design model and zeros.
-    let shift = [-700.0, 350.0, 4000.0];
+    let shift = [-4.5e5, 350.0, 5.5e6];
     let mut moved: Table = far.parse().unwrap();
     let by_shift = |place: &mut Value| {
         for (x, by) in place.as_array_mut().unwrap().iter_mut().zip(shift) {
@@ -331,6 +331,17 @@ fn slips_of_units_are_warned_of() {
         &cubic(&[("bodies.top.cog", "[0.0, 0.0, 30.0]")]),
         "bodies.top.cog is",
     );
+    // Only the feet in mm.
+    let mut feet: Table = case("machines/nodes-in-mm.toml").parse().unwrap();
+    let right: Table = cubic(&[]).parse().unwrap();
+    for top in ["m0", "m1", "m2", "m3", "m4", "m5"] {
+        set(
+            &mut feet,
+            &format!("nodes.{top}"),
+            right["nodes"][top].clone(),
+        );
+    }
+    warned(&feet.to_string(), "m long, and no body is larger than");
     // In g, in t, in kg mm².
     warned(&cubic(&[("bodies.top.mass", "10000.0")]), "bodies.top");
     warned(&cubic(&[("bodies.top.mass", "0.01")]), "bodies.top");
