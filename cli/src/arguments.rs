@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use host_gen::analysis::criterion::Criterion;
+use host_gen::machine::limits::Limits;
 use host_gen::machine::{Machine, MachineError};
 
 use crate::failure::Failure;
@@ -54,11 +55,29 @@ pub fn criterion() -> impl TypedValueParser<Value = Criterion> {
 
 /// Checks a band of frequencies, Hz.
 pub fn band(from: f64, to: f64) -> Result<[f64; 2], Failure> {
-    if !(from.is_finite() && from > 0.0) {
-        return Err(Failure::Option("from"));
-    }
+    let from = positive("from", from, "performance.bands.*")?;
     if !(to.is_finite() && to > from) {
         return Err(Failure::Range);
     }
-    Ok([from, to])
+    Ok([from, within("to", to, "performance.bands.*")?])
+}
+
+/// Checks a number above 0 that has the limits of `entry` in a machine file.
+pub fn positive(flag: &'static str, value: f64, entry: &str) -> Result<f64, Failure> {
+    if !(value.is_finite() && value > 0.0) {
+        return Err(Failure::Option(flag));
+    }
+    within(flag, value, entry)
+}
+
+/// Checks a finite number that has the limits of `entry` in a machine file.
+pub fn within(flag: &'static str, value: f64, entry: &str) -> Result<f64, Failure> {
+    match Limits::of(entry) {
+        Some(limits) if !limits.hold(value) => Err(Failure::Limits {
+            flag,
+            limits: limits.to_string(),
+            value,
+        }),
+        _ => Ok(value),
+    }
 }

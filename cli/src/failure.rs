@@ -40,8 +40,12 @@ pub enum Failure {
     Fault(String),
     #[error(transparent)]
     Plot(#[from] PlotError),
-    #[error("--{flag} must be finite and at least {least}")]
-    Least { flag: &'static str, least: f64 },
+    #[error("--{flag} must be from {least} to {most:e}")]
+    Between {
+        flag: &'static str,
+        least: f64,
+        most: f64,
+    },
     #[error("--leg-angle must be at most 89: vertical legs do not hold the machine sideways")]
     Upright,
     #[error("{0} already exists: use --output or another name")]
@@ -52,6 +56,12 @@ pub enum Failure {
     Period(u32),
     #[error("--{0} must be positive and finite")]
     Option(&'static str),
+    #[error("--{flag} must be {limits}, not {value}")]
+    Limits {
+        flag: &'static str,
+        limits: String,
+        value: f64,
+    },
     #[error(
         "{table} differs from the table of {model}: {difference}. Run host-gen generate {model}"
     )]

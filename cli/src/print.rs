@@ -3,20 +3,55 @@
 use std::fmt::Display;
 use std::io::{self, Write as _};
 
+use anstyle::{AnsiColor, Style};
 use serde::Serialize;
 
 use crate::arguments::Format;
 use crate::failure::Failure;
 
+const WARNING: Style = AnsiColor::Yellow.on_default().bold();
+
 /// Prints a result as text or as JSON.
 pub fn result<T: Display + Serialize>(format: Format, result: &T) -> Result<(), Failure> {
     let text = match format {
         Format::Text => result.to_string(),
-        Format::Json => {
-            serde_json::to_string_pretty(result).expect("numbers and strings serialise") + "\n"
-        }
+        Format::Json => json(result),
     };
     self::text(&text)
+}
+
+/// A result with what is suspicious about its machine.
+#[derive(Serialize)]
+struct Warned<'a, T> {
+    #[serde(flatten)]
+    result: &'a T,
+    warnings: &'a [String],
+}
+
+/// Prints the result of a machine: as text, with its `warnings` on standard error, or as JSON, with
+/// the warnings in it.
+pub fn warned<T: Display + Serialize>(
+    format: Format,
+    result: &T,
+    warnings: &[String],
+) -> Result<(), Failure> {
+    match format {
+        Format::Text => {
+            self::result(format, result)?;
+            for warning in warnings {
+                anstream::eprintln!("{WARNING}warning:{WARNING:#} {warning}");
+            }
+            Ok(())
+        }
+        Format::Json => {
+            let whole = Warned { result, warnings };
+            text(&json(&whole))
+        }
+    }
+}
+
+fn json(result: &impl Serialize) -> String {
+    serde_json::to_string_pretty(result).expect("numbers and strings serialise") + "\n"
 }
 
 /// Prints text; colours only on a terminal.

@@ -5,6 +5,7 @@
 //! | room | what it answers |
 //! |---|---|
 //! | [`progress`] | how does a long computation report that it advances? |
+//! | [`files`] | how is a file written whole? |
 //! | [`numeric`] | numerics that nalgebra and faer do not have |
 //! | [`machine`] | what does the file say? |
 //! | [`model`] | how does the machine move? |
@@ -27,6 +28,7 @@
 #[doc = include_str!("../../docs/library.md")]
 pub struct Library;
 pub mod progress;
+pub mod files;
 pub mod numeric;
 pub mod machine;
 pub mod model;

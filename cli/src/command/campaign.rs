@@ -7,7 +7,7 @@ use host_gen::simulate::faults::{Defect, campaign as run};
 use crate::arguments::Common;
 use crate::failure::Failure;
 use crate::print;
-use crate::search::{Bar, Searcher, study};
+use crate::search::{Bar, Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct CampaignArguments {
@@ -33,7 +33,7 @@ pub fn campaign(arguments: &CampaignArguments, searcher: &Searcher) -> Result<()
     }
     let outcomes = run(&study, &design.table, &cases, &Bar::of(cases.len()));
     let campaign = CampaignSummary::new(&study, outcomes);
-    print::result(*format, &campaign)?;
+    print::warned(*format, &campaign, &warnings(model, &study)?)?;
     if campaign.is_safe() {
         Ok(())
     } else {

@@ -7,7 +7,7 @@ use host_gen::design::DesignedStudy;
 use crate::arguments::{Format, Several};
 use crate::failure::{Failure, in_study};
 use crate::print;
-use crate::search::{Bar, Searcher};
+use crate::search::{Bar, Searcher, warnings};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -23,5 +23,14 @@ pub fn compare(arguments: &CompareArguments, searcher: &Searcher) -> Result<(), 
     let studies = DesignedStudy::all(machines, &searcher.full(&Bar::search()))?;
     let comparison = MachineComparison::new(&studies);
     let comparison = comparison.map_err(in_study(&arguments.several.models[0]))?;
-    print::result(arguments.format, &comparison)
+    let mut all = Vec::new();
+    for DesignedStudy { study, .. } in &studies {
+        for warning in warnings(&arguments.several.models[0], study)? {
+            let warning = format!("{}: {warning}", study.machine().name);
+            if !all.contains(&warning) {
+                all.push(warning);
+            }
+        }
+    }
+    print::warned(arguments.format, &comparison, &all)
 }

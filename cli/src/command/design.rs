@@ -6,7 +6,7 @@ use host_gen::analysis::controller::DesignAnalysis;
 use crate::arguments::Common;
 use crate::failure::{Failure, in_loop, in_study};
 use crate::print;
-use crate::search::{Bar, Searcher, study};
+use crate::search::{Bar, Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct DesignArguments {
@@ -26,5 +26,5 @@ pub fn design(arguments: &DesignArguments, searcher: &Searcher) -> Result<(), Fa
         let charted = analysis.with_other_boards(&study, searcher.cache(), &Bar::search());
         analysis = charted.map_err(in_study(model))?;
     }
-    print::result(*format, &analysis)
+    print::warned(*format, &analysis, &warnings(model, &study)?)
 }

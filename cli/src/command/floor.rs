@@ -8,10 +8,10 @@ use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::floors::FloorAnalysis;
 use host_gen::analysis::vibration::{Floor, SpectrumError, both_budgets};
 
-use crate::arguments::{Common, band, criterion};
+use crate::arguments::{Common, band, criterion, within};
 use crate::failure::{Failure, in_loop};
 use crate::print;
-use crate::search::{Searcher, study};
+use crate::search::{Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct FloorArguments {
@@ -59,6 +59,7 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
             if !(density.is_finite() && density >= 0.0) {
                 return Err(Failure::Option("white"));
             }
+            within("white", density, "board.accelerometer.noise_density")?;
             (
                 Floor::White(density),
                 format!("white, {density:e} m/s²/√Hz"),
@@ -70,9 +71,10 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
     let board = &study.machine().board;
     let budgets = both_budgets(study.plant(), board, &design.table, &floor, band);
     let [open, closed] = budgets.map_err(in_loop(model))?;
-    print::result(
+    print::warned(
         *format,
         &FloorAnalysis::new(&study, name, band, open, closed),
+        &warnings(model, &study)?,
     )
 }
 

@@ -3,23 +3,29 @@
 use host_gen::analysis::gains::GainAnalysis;
 use host_gen::analysis::modes::ModeAnalysis;
 use host_gen::analysis::zeros::ZeroAnalysis;
-use host_gen::machine::Machine;
 
 use crate::arguments::Common;
 use crate::failure::{Failure, in_loop, in_study};
 use crate::print;
-use crate::search::study;
+use crate::search::{study, warnings};
 
-pub fn modes(common: &Common) -> Result<(), Failure> {
-    print::result(common.format, &ModeAnalysis::new(&study(&common.model)?))
+pub fn modes(Common { model, format }: &Common) -> Result<(), Failure> {
+    let study = study(model)?;
+    print::warned(
+        *format,
+        &ModeAnalysis::new(&study),
+        &warnings(model, &study)?,
+    )
 }
 
-pub fn gains(common: &Common) -> Result<(), Failure> {
-    let gains = GainAnalysis::new(&study(&common.model)?);
-    print::result(common.format, &gains.map_err(in_loop(&common.model))?)
+pub fn gains(Common { model, format }: &Common) -> Result<(), Failure> {
+    let study = study(model)?;
+    let gains = GainAnalysis::new(&study).map_err(in_loop(model))?;
+    print::warned(*format, &gains, &warnings(model, &study)?)
 }
 
-pub fn zeros(common: &Common) -> Result<(), Failure> {
-    let zeros = ZeroAnalysis::new(&Machine::load(&common.model)?);
-    print::result(common.format, &zeros.map_err(in_study(&common.model))?)
+pub fn zeros(Common { model, format }: &Common) -> Result<(), Failure> {
+    let study = study(model)?;
+    let zeros = ZeroAnalysis::new(study.machine()).map_err(in_study(model))?;
+    print::warned(*format, &zeros, &warnings(model, &study)?)
 }

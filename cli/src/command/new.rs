@@ -97,9 +97,9 @@ impl Questions {
         given: Option<f64>,
         question: &str,
         usual: f64,
-        least: f64,
+        [least, most]: [f64; 2],
     ) -> Result<f64, Failure> {
-        let right = |x: f64| x.is_finite() && x >= least;
+        let right = |x: f64| (least..=most).contains(&x);
         let number = match given {
             Some(given) => given,
             None if !self.asked => usual,
@@ -110,7 +110,7 @@ impl Questions {
                     if right(*x) {
                         Ok(())
                     } else {
-                        Err(format!("Enter a number, at least {least}"))
+                        Err(format!("Enter a number from {least} to {most:e}"))
                     }
                 })
                 .interact_text()
@@ -119,7 +119,7 @@ impl Questions {
         if right(number) {
             Ok(number)
         } else {
-            Err(Failure::Least { flag, least })
+            Err(Failure::Between { flag, least, most })
         }
     }
 
@@ -151,8 +151,20 @@ fn stopped(dialoguer::Error::IO(error): dialoguer::Error) -> Failure {
     }
 }
 
-/// The smallest allowed length, m, mass, kg, and so on.
-const SMALL: f64 = 1e-3;
+/// Lengths, m.
+const LENGTH: [f64; 2] = [1e-3, 1e3];
+
+/// Masses, kg.
+const MASS: [f64; 2] = [1e-3, 1e8];
+
+/// Stiffnesses, N/m.
+const STIFFNESS: [f64; 2] = [1e-3, 1e13];
+
+/// Frequencies, Hz.
+const HERTZ: [f64; 2] = [1e-3, 1e4];
+
+/// Angles, degrees; upright legs have an error of their own.
+const ANGLE: [f64; 2] = [1e-3, 90.0];
 
 pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
     let ask = Questions {
@@ -166,60 +178,66 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
         ("6 mounts with one leg each", Mounts::Six),
     ];
     let mounts = ask.choice(a.mounts, "Mounts", &mounts)?;
-    let number = |flag, given, question, usual| ask.number(flag, given, question, usual, SMALL);
-    let radius = number(
+    let radius = ask.number(
         "radius",
         a.radius,
         "Radius of the circle of mounts, m",
         usual.radius,
+        LENGTH,
     )?;
-    let height = number(
+    let height = ask.number(
         "height",
         a.height,
         "Mount height above the feet, m",
         usual.height,
+        LENGTH,
     )?;
-    let leg_angle = number(
+    let leg_angle = ask.number(
         "leg-angle",
         a.leg_angle,
         "Angle between a leg and the floor, degrees",
         usual.leg_angle,
+        ANGLE,
     )?;
     if leg_angle > 89.0 {
         return Err(Failure::Upright);
     }
-    let leg_stiffness = number(
+    let leg_stiffness = ask.number(
         "leg-stiffness",
         a.leg_stiffness,
         "Axial stiffness of a leg, N/m",
         usual.leg_stiffness,
+        STIFFNESS,
     )?;
-    let frame_mass = number(
+    let frame_mass = ask.number(
         "frame-mass",
         a.frame_mass,
         "Mass of the frame, kg",
         usual.frame_mass,
+        MASS,
     )?;
     let payload_mass = ask.number(
         "payload-mass",
         a.payload_mass,
         "Mass of the payload below the frame, kg (0 for none)",
         usual.payload_mass,
-        0.0,
+        [0.0, MASS[1]],
     )?;
     let (mut payload_below, mut internal) = (usual.payload_below, usual.internal);
     if payload_mass > 0.0 {
-        payload_below = number(
+        payload_below = ask.number(
             "payload-below",
             a.payload_below,
             "Distance of the payload's centre of gravity below the frame, m",
             payload_below,
+            LENGTH,
         )?;
-        internal = number(
+        internal = ask.number(
             "internal",
             a.internal,
             "Approximate frequency of the payload's internal modes, Hz",
             internal,
+            HERTZ,
         )?;
     }
     let kinds = [
@@ -231,11 +249,12 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
         ("both", FeedbackKind::Both),
     ];
     let feedback = ask.choice(a.feedback, "Feedback", &kinds)?;
-    let frequency = number(
+    let frequency = ask.number(
         "frequency",
         a.frequency,
         "Target suspension frequency, Hz",
         usual.frequency,
+        HERTZ,
     )?;
     let outline = Outline {
         name,
@@ -260,10 +279,15 @@ pub fn new(arguments: &NewArguments) -> Result<(), Failure> {
             file.into()
         }
     });
-    if path.exists() {
+    let text = outline.machine_file(&path)?;
+    if path.is_file() || path.is_dir() {
         return Err(Failure::Exists(path.display().to_string()));
     }
-    write_whole(&path, outline.machine_file(&path)?.as_bytes())?;
+    if path.exists() {
+        // A device or a FIFO, with nothing beside it.
+        return write_whole(&path, text.as_bytes());
+    }
+    write_whole(&path, text.as_bytes())?;
     // The schema that the first line of the file names.
     let beside = path.with_file_name("machine.schema.json");
     if !beside.exists() {

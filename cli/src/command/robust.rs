@@ -3,10 +3,10 @@
 use clap::Args;
 use host_gen::analysis::robustness::{RobustnessAnalysis, monte_carlo};
 
-use crate::arguments::Common;
+use crate::arguments::{Common, within};
 use crate::failure::{Failure, in_study};
 use crate::print;
-use crate::search::{Bar, Searcher, study};
+use crate::search::{Bar, Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct RobustArguments {
@@ -29,6 +29,7 @@ pub fn robust(arguments: &RobustArguments, searcher: &Searcher) -> Result<(), Fa
         if samples == 0 {
             return Err(Failure::Option("samples"));
         }
+        within("samples", samples as f64, "robustness.samples")?;
         settings.samples = samples;
     }
     if let Some(seed) = arguments.seed {
@@ -38,8 +39,9 @@ pub fn robust(arguments: &RobustArguments, searcher: &Searcher) -> Result<(), Fa
     let bar = Bar::of(settings.samples);
     let spread = monte_carlo(&study, &settings, &design.table, &design.bands, &bar);
     let spread = spread.map_err(in_study(model))?;
-    print::result(
+    print::warned(
         *format,
         &RobustnessAnalysis::new(study.machine(), &settings, spread),
+        &warnings(model, &study)?,
     )
 }

@@ -3,12 +3,11 @@
 use clap::Args;
 use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
 use host_gen::design::DesignedStudy;
-use host_gen::machine::Machine;
 
-use crate::arguments::{Common, band};
+use crate::arguments::{Common, band, positive};
 use crate::failure::{Failure, in_loop};
 use crate::print;
-use crate::search::{Bar, Searcher};
+use crate::search::{Bar, Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct SigmaArguments {
@@ -29,20 +28,31 @@ pub struct SigmaArguments {
     at: Vec<f64>,
 }
 
+/// More points take minutes; no peak needs them.
+const MOST_POINTS: usize = 100_000;
+
 pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let frequencies = if arguments.at.is_empty() {
         let [low, high] = band(arguments.from, arguments.to)?;
-        let count = arguments.points.max(2);
+        let count = arguments.points;
+        if !(2..=MOST_POINTS).contains(&count) {
+            return Err(Failure::Between {
+                flag: "points",
+                least: 2.0,
+                most: MOST_POINTS as f64,
+            });
+        }
         Frequencies::Adaptive { low, high, count }
     } else {
-        if !arguments.at.iter().all(|hz| hz.is_finite() && *hz > 0.0) {
-            return Err(Failure::Option("at"));
+        for &hz in &arguments.at {
+            positive("at", hz, "performance.bands.*")?;
         }
         Frequencies::At(arguments.at.clone())
     };
-    let machine = Machine::load(model)?;
-    let studies = DesignedStudy::by_feedback(&machine, &searcher.full(&Bar::search()))?;
-    let sigma = SigmaAnalysis::new(&machine, &studies, frequencies);
-    print::result(*format, &sigma.map_err(in_loop(model))?)
+    let study = study(model)?;
+    let machine = study.machine();
+    let studies = DesignedStudy::by_feedback(machine, &searcher.full(&Bar::search()))?;
+    let sigma = SigmaAnalysis::new(machine, &studies, frequencies).map_err(in_loop(model))?;
+    print::warned(*format, &sigma, &warnings(model, &study)?)
 }

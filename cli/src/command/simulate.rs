@@ -4,12 +4,12 @@ use clap::Args;
 use host_gen::design::{Design, Study};
 use host_gen::machine::Simulation;
 use host_gen::report::summary::SimulateSummary;
-use host_gen::simulate::run::{Comparison, compare};
+use host_gen::simulate::run::{Comparison, compare, reports};
 
-use crate::arguments::Common;
+use crate::arguments::{Common, positive};
 use crate::failure::Failure;
 use crate::print;
-use crate::search::{Searcher, study};
+use crate::search::{Bar, Searcher, study, warnings};
 
 #[derive(Args)]
 pub struct SimulateArguments {
@@ -31,27 +31,21 @@ pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<()
     let study = study(model)?;
     // The search uses the settings of the file.
     let mut settings = study.machine().simulation;
-    let positive = |name, value: f64| {
-        if value.is_finite() && value > 0.0 {
-            Ok(value)
-        } else {
-            Err(Failure::Option(name))
-        }
-    };
     if let Some(duration) = arguments.duration {
-        settings.duration = positive("duration", duration)?;
+        settings.duration = positive("duration", duration, "simulation.duration")?;
     }
     if let Some(floor_rms) = arguments.floor_rms {
-        settings.floor_rms = positive("floor-rms", floor_rms)?;
+        settings.floor_rms = positive("floor-rms", floor_rms, "simulation.floor_rms")?;
     }
     if let Some(seed) = arguments.seed {
         settings.seed = seed;
     }
     let design = searcher.design(model, &study)?;
     let simulation = simulation(&study, &settings, &design);
-    print::result(
+    print::warned(
         arguments.common.format,
         &SimulateSummary::new(&study, design, simulation),
+        &warnings(model, &study)?,
     )
 }
 
@@ -64,5 +58,6 @@ pub fn simulation(study: &Study, settings: &Simulation, design: &Design) -> Comp
         settings,
         &design.table,
         machine.performance_names(),
+        &Bar::of(reports(settings, &machine.board)),
     )
 }

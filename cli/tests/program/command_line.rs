@@ -179,6 +179,12 @@ fn json_for_programs() {
         folder.path(),
     ));
     assert_eq!(generated["table"], "t.rs");
+    // In the whole the warnings are those of the whole.
+    let mut gains = gains;
+    assert_eq!(
+        gains.as_object_mut().unwrap().remove("warnings"),
+        Some(generated["warnings"].clone())
+    );
     assert_eq!(generated["gains"], gains);
     let checked = json(&host_gen(
         &["check", &model, "--table", "t.rs", "--format", "json"],
@@ -268,7 +274,8 @@ fn analysis_commands() {
     assert_eq!(length(&plant["inputs"]), 12);
     assert_eq!(length(&plant["kinds"][1]["outputs"]), 12);
     let files = fs::read_dir(folder.path().join("out/g")).unwrap().count();
-    assert_eq!(files, 8);
+    // Four matrices of two kinds of feedback, each in two formats.
+    assert_eq!(files, 16);
 
     let floor = run(&["floor", &model, "--criterion", "vc-c"]);
     assert_eq!(floor["floor"], "VC-C");

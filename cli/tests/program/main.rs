@@ -3,6 +3,7 @@
 mod command_line;
 #[path = "../../../host-gen/tests/all/edits.rs"]
 mod edits;
+mod files;
 mod link;
 #[path = "../../../tests/src/near.rs"]
 mod near;

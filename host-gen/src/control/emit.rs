@@ -221,19 +221,21 @@ fn emit_modal(line: &mut impl FnMut(&str), modal: &Modal, feedback: table::Feedb
 }
 
 /// The first line in which a table's file, `found`, differs from the `expected` source, in words.
-/// `None` if they are equal.
+/// `None` if they are equal. Line endings do not count: version control may change them.
 pub fn difference(found: &str, expected: &str) -> Option<String> {
-    if found == expected {
-        return None;
-    }
-    let mut pairs = found.split('\n').zip(expected.split('\n'));
-    Some(match pairs.by_ref().position(|(a, b)| a != b) {
-        Some(i) => format!(
+    let mut pairs = found.lines().zip(expected.lines());
+    match pairs.by_ref().enumerate().find(|(_, (a, b))| a != b) {
+        Some((i, (a, b))) if a.trim() == b.trim() => Some(format!(
+            "line {} has other white space at its start or end",
+            i + 1
+        )),
+        Some((i, (a, b))) => Some(format!(
             "line {} is \"{}\", should be \"{}\"",
             i + 1,
-            found.split('\n').nth(i).unwrap_or_default().trim(),
-            expected.split('\n').nth(i).unwrap_or_default().trim()
-        ),
-        None => "the file is cut off or has additional lines at its end".to_owned(),
-    })
+            a.trim(),
+            b.trim()
+        )),
+        None if found.lines().count() == expected.lines().count() => None,
+        None => Some("the file is cut off or has additional lines at its end".to_owned()),
+    }
 }

@@ -5,14 +5,14 @@
 //! belongs to another machine or another version of this program, is ignored.
 
 use std::fs;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use super::outcome::{Refusal, Shaping};
 use super::reach::Effort;
+use crate::files::write_whole;
 use crate::machine::Machine;
 
 /// A folder with the results of searches.
@@ -90,16 +90,8 @@ impl Cache {
         };
         let json = serde_json::to_string(&entry).expect("numbers and strings serialise");
         let text = format!("{}\n{json}", hexadecimal(json.as_bytes()));
-        let _ = write_whole(&self.folder, &self.path(key), &text);
+        // Another process that reads the entry sees all of it or nothing.
+        let _ = fs::create_dir_all(&self.folder)
+            .and_then(|()| write_whole(&self.path(key), text.as_bytes()));
     }
-}
-
-/// Writes a temporary file and renames it: another process that reads the entry sees all
-/// of it or nothing.
-fn write_whole(folder: &Path, path: &Path, text: &str) -> std::io::Result<()> {
-    fs::create_dir_all(folder)?;
-    let mut file = tempfile::NamedTempFile::new_in(folder)?;
-    file.write_all(text.as_bytes())?;
-    file.persist(path)?;
-    Ok(())
 }

@@ -104,6 +104,25 @@ pub struct Body {
     pub cog: Vector3<f64>,
 }
 
+impl Body {
+    /// The principal moments of inertia, kg m², and their axes as columns. Moments are not
+    /// negative: what rounding makes of zero is zero.
+    pub fn principal(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        let eigen = self.inertia.symmetric_eigen();
+        let rounding = 1e-14 * self.inertia.amax();
+        let moments = eigen
+            .eigenvalues
+            .map(|moment| if moment > rounding { moment } else { 0.0 });
+        (moments, eigen.eigenvectors)
+    }
+
+    /// Radius of gyration, m: the square root of half the sum of the principal moments over the
+    /// mass.
+    pub fn gyration(&self) -> f64 {
+        (0.5 * self.inertia.trace() / self.mass).sqrt()
+    }
+}
+
 /// A massless beam between two nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Beam {

@@ -239,9 +239,10 @@ pub struct BodyEntry {
     expecting = "expected three principal moments [Ixx, Iyy, Izz] or three rows of the tensor, in kg m²"
 )]
 pub enum Inertia {
-    /// Principal moments `[Ixx, Iyy, Izz]` about the axes of the file, kg m². All above 0.
+    /// Principal moments `[Ixx, Iyy, Izz]` about the axes of the file, kg m². Not negative, and
+    /// none above the sum of the others. All 0 for a point mass, one 0 for a thin rod.
     Diagonal([f64; 3]),
-    /// Symmetric, positive definite tensor by rows, kg m².
+    /// Symmetric tensor by rows, kg m², with such principal moments.
     Tensor([[f64; 3]; 3]),
 }
 

@@ -6,6 +6,7 @@
 //! |---|---|
 //! | `error` | errors with the place, the entry, the cause and the fix |
 //! | [`mod@file`] | the machine file as data |
+//! | [`limits`] | the limits of all numbers |
 //! | `source` | texts of files, what they are based on, where an entry is |
 //! | [`schema`] | the JSON Schema of machine files |
 //! | `read` | from TOML values to the file's types |
@@ -18,6 +19,7 @@
 mod checked;
 mod error;
 pub mod file;
+pub mod limits;
 mod read;
 pub mod schema;
 mod source;

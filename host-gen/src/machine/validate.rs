@@ -19,6 +19,7 @@ use super::file::{
     ForceSensorEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry,
     SensorEntry, ShapeEntry, Simulation, SupervisionSettings,
 };
+use super::limits::{self, Limits};
 use super::source::{Source, has};
 
 type Checked<T> = Result<T, EntryError>;
@@ -61,6 +62,7 @@ fn check(file: MachineFile) -> Checked<Machine> {
         ));
     }
     check_name(&file.name)?;
+    limits::check(&file)?;
     let nodes = nodes(&file)?;
     let bodies = bodies(&file.bodies)?;
     let beams = beams(&file, &nodes)?;
@@ -371,18 +373,33 @@ fn bodies(specs: &IndexMap<String, BodyEntry>) -> Checked<Vec<Body>> {
             if inertia.iter().any(|x| !x.is_finite()) {
                 return Err(EntryError::new(inertia_entry, "must be finite numbers, in kg m²"));
             }
-            // Typed numbers: symmetric to the last digit or not meant so.
-            if inertia != inertia.transpose() {
+            let largest = inertia.amax();
+            if (inertia - inertia.transpose()).amax() > 1e-9 * largest {
                 return Err(EntryError::new(inertia_entry, "the inertia tensor must be symmetric"));
             }
-            let smallest = inertia.symmetric_eigenvalues().min();
-            if smallest <= 1e-12 * inertia.amax() {
+            // What a rotation of axes leaves in the last digits.
+            let inertia = 0.5 * (inertia + inertia.transpose());
+            let mut moments = inertia.symmetric_eigenvalues();
+            moments.as_mut_slice().sort_by(f64::total_cmp);
+            let [small, middle, large] = moments.into();
+            // A plate of 0.833, 0.833 and 1.67 kg m² was typed with three digits.
+            let rounding = 5e-3 * large.abs();
+            if small < -1e-9 * largest {
                 return Err(EntryError::new(
                     inertia_entry,
                     format!(
-                        "the principal moments of inertia must be above 0 kg m²; the smallest is {smallest:.3e}"
+                        "the principal moments of inertia must not be below 0 kg m²; the smallest is {small:.3e}"
                     ),
                 ));
+            }
+            if large > small + middle + rounding {
+                return Err(EntryError::new(
+                    inertia_entry,
+                    format!(
+                        "no body has principal moments of inertia of {small:.4e}, {middle:.4e} and {large:.4e} kg m²: the largest must not exceed the sum of the others"
+                    ),
+                )
+                .fix("check units and decimal points; off-diagonals have the tensor's sign, Ixy = −∫xy dm"));
             }
             Ok(Body {
                 name: name.clone(),
@@ -411,6 +428,7 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                     "the two nodes are too far apart to compute the length of the beam",
                 ));
             }
+            // Less is the rounding of positions.
             if length < 1e-9 {
                 return Err(EntryError::new(
                     format!("{entry}.nodes"),
@@ -483,17 +501,31 @@ fn stiffness(entry: &str, p: &ProfileEntry, length: f64) -> Checked<Stiffness> {
         }
     };
     let [y, z] = stiffness.bending;
-    for (name, value, unit) in [
-        ("axial stiffness EA/L", stiffness.axial, "N/m"),
-        ("bending stiffness EI/L", y, "N m"),
-        ("bending stiffness EI/L", z, "N m"),
-        ("torsional stiffness GJ/L", stiffness.torsion, "N m"),
+    for (name, key, value, unit) in [
+        ("axial stiffness EA/L", "axial", stiffness.axial, "N/m"),
+        ("bending stiffness EI/L", "bending", y, "N m"),
+        ("bending stiffness EI/L", "bending", z, "N m"),
+        (
+            "torsional stiffness GJ/L",
+            "torsion",
+            stiffness.torsion,
+            "N m",
+        ),
     ] {
         if !(value.is_finite() && value >= 0.0) {
             return Err(EntryError::new(
                 entry,
                 format!("{name} must be finite and at least 0 {unit}, not {value}"),
             ));
+        }
+        // It may come from a section and a length.
+        if let Some(limits) = Limits::of(&format!("profiles.*.{key}"))
+            && !limits.hold(value)
+        {
+            return Err(
+                EntryError::new(entry, format!("{name} must be {limits}, not {value:e}"))
+                    .fix("check the units of the section and of the nodes"),
+            );
         }
     }
     Ok(stiffness)
@@ -688,6 +720,10 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         let message = "range must be [low, high], in V, with low < high, both finite";
         EntryError::new("board.dac.range", message)
     })?;
+    if high - low < 1e-6 {
+        let message = "range must be at least 1e-6 V wide";
+        return Err(EntryError::new("board.dac.range", message));
+    }
     let gain = not_zero("board.actuator.gain", spec.actuator.gain)?;
     let limit = positive("board.actuator.limit", spec.actuator.limit, "N")?;
     let reach = dac.reach(gain);

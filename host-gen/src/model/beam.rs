@@ -72,6 +72,21 @@ pub(crate) fn deformation_stiffness(beam: &Beam) -> DMatrix<f64> {
     s
 }
 
+/// F, 6×6, √(N/m), with FᵀF the [`deformation_stiffness`] of a beam.
+pub(crate) fn stiffness_factor(beam: &Beam) -> DMatrix<f64> {
+    let mut f = DMatrix::zeros(6, 6);
+    f[(0, 0)] = beam.stiffness.axial.sqrt();
+    f[(1, 1)] = beam.stiffness.torsion.sqrt() / beam.length;
+    for (plane, bending) in beam.stiffness.bending.iter().enumerate() {
+        let i = 2 + 2 * plane;
+        let size = bending.sqrt() / beam.length;
+        f[(i, i)] = 2.0 * size;
+        f[(i, i + 1)] = -size;
+        f[(i + 1, i + 1)] = 3f64.sqrt() * size;
+    }
+    f
+}
+
 /// The deformations e1 to e6 of a beam, m, from body coordinates, 6×6n for n bodies.
 ///
 /// Ends on the base do not move.

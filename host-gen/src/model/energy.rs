@@ -1,8 +1,10 @@
 //! The energy of each mode by beam and body, and the kind of mode that follows from it.
 
+use nalgebra::DMatrix;
 use serde::Serialize;
 
-use super::beam::{deformation_stiffness, deformations_from_bodies};
+use super::beam::{deformations_from_bodies, stiffness_factor, transport};
+use super::design_model::alike;
 use super::multibody::{Modes, Multibody};
 use crate::machine::{Carrier, Machine};
 
@@ -26,12 +28,18 @@ pub enum Kind {
 }
 
 /// The energies of one mode.
+///
+/// The shapes of modes with equal natural frequencies can be mixed at will. Such modes share their
+/// mean energies and one modal mass, which do not depend on the mixture.
 #[derive(Clone, Debug, Serialize)]
 pub struct Energies {
     /// Suspension or internal, by the place of the strain energy.
     pub kind: Kind,
-    /// Modal mass, kg: the mass with the mode's kinetic energy if it moves as the node with the
-    /// largest translation does.
+    /// Modal mass, kg: the mass with the mode's kinetic energy if it moves as the point with the
+    /// largest motion does.
+    ///
+    /// The points are the nodes, the centres of gravity, and, for the rotation of each body, a
+    /// point at its radius of gyration from the axis.
     pub modal_mass: f64,
     /// Share of each beam in the elastic strain energy, in the order of the machine's beams.
     pub strain: Vec<Share>,
@@ -46,60 +54,81 @@ pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Ener
     let beams: Vec<_> = machine
         .beams
         .iter()
-        .map(|beam| {
-            let rows = deformations_from_bodies(machine, beam);
-            rows.transpose() * deformation_stiffness(beam) * rows
-        })
+        .map(|beam| stiffness_factor(beam) * deformations_from_bodies(machine, beam))
         .collect();
-    modes
-        .shapes
-        .column_iter()
-        .map(|shape| {
-            let strain: Vec<f64> = beams
-                .iter()
-                .map(|beam| shape.dot(&(beam * shape)))
-                .collect();
-            let total: f64 = strain.iter().sum();
-            let on_base: f64 = machine
-                .beams
-                .iter()
-                .zip(&strain)
-                .filter(|(beam, _)| {
-                    let base = |end: usize| machine.nodes[end].carrier == Carrier::Base;
-                    beam.ends.into_iter().any(base)
-                })
-                .map(|(_, energy)| energy)
-                .sum();
-            let kinetic = machine.bodies.iter().enumerate().map(|(i, body)| {
-                let part = shape.rows(6 * i, 6);
-                let mass = model.mass.view((6 * i, 6 * i), (6, 6));
-                // VᵀMV = 1, so these add up to 1 without scaling.
-                Share {
-                    name: body.name.clone(),
-                    share: part.dot(&(mass * part)),
-                }
-            });
-            let largest = (0..machine.nodes.len())
-                .map(|node| model.translation(machine, node, &shape.into_owned()).norm())
-                .fold(0.0, f64::max);
-            Energies {
-                kind: if on_base >= 0.5 * total {
-                    Kind::Suspension
-                } else {
-                    Kind::Internal
-                },
-                modal_mass: 1.0 / (largest * largest),
-                kinetic: kinetic.collect(),
-                strain: machine
-                    .beams
-                    .iter()
-                    .zip(&strain)
-                    .map(|(beam, energy)| Share {
-                        name: beam.name.clone(),
-                        share: energy / total,
-                    })
-                    .collect(),
-            }
+    let groups = alike(modes.squares.as_slice()).into_iter();
+    groups
+        .flat_map(|group| {
+            let shapes = modes.shapes.columns_range(group.clone()).into_owned();
+            let energies = of_group(machine, model, &beams, &shapes);
+            group.map(move |_| energies.clone())
         })
         .collect()
+}
+
+/// The mean energies of modes with equal frequencies. `beams` are the factors of their strain
+/// energies, and `shapes` the mass-normalised mode shapes in body coordinates as columns.
+fn of_group(
+    machine: &Machine,
+    model: &Multibody,
+    beams: &[DMatrix<f64>],
+    shapes: &DMatrix<f64>,
+) -> Energies {
+    let strain: Vec<f64> = beams
+        .iter()
+        .map(|factor| (factor * shapes).norm_squared())
+        .collect();
+    let total: f64 = strain.iter().sum();
+    let on_base: f64 = machine
+        .beams
+        .iter()
+        .zip(&strain)
+        .filter(|(beam, _)| {
+            let base = |end: usize| machine.nodes[end].carrier == Carrier::Base;
+            beam.ends.into_iter().any(base)
+        })
+        .map(|(_, energy)| energy)
+        .sum();
+    let kinetic = machine.bodies.iter().enumerate().map(|(i, body)| {
+        let part = shapes.rows(6 * i, 6);
+        let mass = model.mass.view((6 * i, 6 * i), (6, 6));
+        // VᵀMV = 1, so these add up to 1 without scaling.
+        Share {
+            name: body.name.clone(),
+            share: (part.transpose() * mass * part).trace() / shapes.ncols() as f64,
+        }
+    });
+    // Over all mixtures of the shapes, a point moves at most by the largest singular value.
+    let most = |motion: DMatrix<f64>| motion.singular_values().max();
+    let of_nodes = machine.nodes.iter().filter_map(|node| match node.carrier {
+        Carrier::Base => None,
+        Carrier::Body(body) => {
+            let arm = transport(&node.at, &machine.bodies[body].cog);
+            Some(most(arm.rows(0, 3) * shapes.rows(6 * body, 6)))
+        }
+    });
+    let of_bodies = machine.bodies.iter().enumerate().flat_map(|(i, body)| {
+        let motion = shapes.rows(6 * i, 6);
+        let turned = body.gyration() * motion.rows(3, 3);
+        [most(motion.rows(0, 3).into_owned()), most(turned)]
+    });
+    let largest = of_nodes.chain(of_bodies).fold(0.0, f64::max);
+    Energies {
+        kind: if on_base >= 0.5 * total {
+            Kind::Suspension
+        } else {
+            Kind::Internal
+        },
+        modal_mass: 1.0 / (largest * largest),
+        kinetic: kinetic.collect(),
+        strain: machine
+            .beams
+            .iter()
+            .zip(&strain)
+            .map(|(beam, energy)| Share {
+                name: beam.name.clone(),
+                share: energy / total,
+            })
+            .collect(),
+    }
 }

@@ -48,24 +48,9 @@ pub fn buckling_load(beam: &Beam) -> Option<f64> {
 }
 
 impl Statics {
-    /// The loads of `machine` under its gravity. `elastic` is the elastic stiffness in body
-    /// coordinates, 6n×6n for n bodies, without the geometric part.
-    pub(crate) fn new(machine: &Machine, elastic: &DMatrix<f64>) -> Self {
-        let mut weight = DVector::zeros(elastic.nrows());
-        for (i, body) in machine.bodies.iter().enumerate() {
-            weight
-                .rows_mut(6 * i, 3)
-                .copy_from(&(machine.gravity * body.mass));
-        }
-        let sag = elastic
-            .clone()
-            .lu()
-            .solve(&weight)
-            .expect("the elastic stiffness was checked to be positive definite");
-        Self::of_sag(machine, &sag)
-    }
-
-    fn of_sag(machine: &Machine, sag: &DVector<f64>) -> Self {
+    /// The loads of `machine` under its gravity, from its static displacement `sag` in body
+    /// coordinates, 6n for n bodies.
+    pub(crate) fn new(machine: &Machine, sag: &DVector<f64>) -> Self {
         let size = sag.len();
         let mut geometric = DMatrix::zeros(size, size);
         let mut axial = Vec::new();

@@ -50,8 +50,8 @@ impl Generalised {
 
 /// A matrix as the text of a dense Matrix Market file.
 ///
-/// Python (`scipy.io.mmread`), Octave (`mmread`) and Julia (`MatrixMarket.mmread`) read this
-/// format. The numbers read back to the same bits.
+/// Python (`scipy.io.mmread`) and Julia (`MatrixMarket.mmread`) read this format; Octave does not
+/// without a function from elsewhere. The numbers read back to the same bits.
 pub fn matrix_market(matrix: &DMatrix<f64>) -> String {
     let mut text = String::from("%%MatrixMarket matrix array real general\n");
     // Writing to a String cannot fail.
@@ -60,4 +60,16 @@ pub fn matrix_market(matrix: &DMatrix<f64>) -> String {
         writeln!(text, "{x:e}").unwrap_or_default();
     }
     text
+}
+
+/// A matrix as plain text: one line for each row, with a space between two numbers.
+///
+/// Octave and MATLAB (`load`), Julia (`DelimitedFiles.readdlm`) and Python (`numpy.loadtxt`) read
+/// it without packages of their own. The numbers read back to the same bits.
+pub fn plain_text(matrix: &DMatrix<f64>) -> String {
+    let rows = matrix.row_iter().map(|row| {
+        let numbers: Vec<String> = row.iter().map(|x| format!("{x:e}")).collect();
+        numbers.join(" ") + "\n"
+    });
+    rows.collect()
 }

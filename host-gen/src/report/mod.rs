@@ -161,7 +161,7 @@ impl Report {
                     let settings = &machine.simulation;
                     rayon::join(
                         || history(study, table),
-                        || compare(study.plant(), board, settings, table, outputs),
+                        || compare(study.plant(), board, settings, table, outputs, &()),
                     )
                 },
                 || DesignAnalysis::new(study, design.clone()),

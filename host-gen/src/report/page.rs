@@ -16,8 +16,9 @@ pub fn page(review: &Review) -> String {
 
 /// The page of a review that is given as JSON.
 pub fn page_of(json: &str) -> String {
-    // Inside a script element only its end is special.
-    let data = json.replace("</", "<\\/");
+    // Inside a script element `</script` ends it, and after `<!--<script` that does not. In JSON
+    // `<` is only in strings.
+    let data = json.replace('<', "\\u003c");
     let parts = [
         ("{{style}}", STYLE),
         ("{{plotly}}", PLOTLY),

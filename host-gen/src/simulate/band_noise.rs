@@ -1,5 +1,6 @@
 //! Band-limited noise: the motion of the floor.
 
+use nalgebra::{Matrix4, RowVector4, Vector4};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use shared::LEGS;
@@ -44,6 +45,37 @@ impl Biquad {
     }
 }
 
+/// The energy of the impulse response of two sections, one after the other.
+///
+/// It is Σ hₖ² = d² + c·P·cᵀ for the states x(k+1) = A·x + b·u, y = c·x + d·u, with
+/// P = Σ Aᵏ·b·bᵀ·Aᵏᵀ. Each step of the sum doubles the number of its terms, so that a slow corner
+/// takes no longer than a fast one.
+fn energy(filters: &[Biquad; 2]) -> f64 {
+    // The response of states and output to a unit state or a unit input.
+    let response = |at: Option<usize>| {
+        let mut states = [[0.0; 2]; 2];
+        if let Some(at) = at {
+            states[at / 2][at % 2] = 1.0;
+        }
+        let mut x = if at.is_none() { 1.0 } else { 0.0 };
+        for (filter, state) in filters.iter().zip(&mut states) {
+            x = filter.step(state, x);
+        }
+        (Vector4::from_iterator(states.into_iter().flatten()), x)
+    };
+    let columns = [0, 1, 2, 3].map(|at| response(Some(at)));
+    let mut a = Matrix4::from_columns(&columns.map(|(states, _)| states));
+    let c = RowVector4::from(columns.map(|(_, y)| y));
+    let (b, d) = response(None);
+    let mut p = b * b.transpose();
+    // 2⁶⁴ terms are more than any corner needs.
+    for _ in 0..64 {
+        p += a * p * a.transpose();
+        a *= a;
+    }
+    d * d + (c * p * c.transpose()).x
+}
+
 impl BandNoise {
     pub(super) fn new(settings: &Simulation, period: f64, random: ChaCha8Rng) -> Self {
         let [low, high] = settings.floor_band;
@@ -51,21 +83,11 @@ impl BandNoise {
             Biquad::butterworth(low, period, true),
             Biquad::butterworth(high, period, false),
         ];
-        // The filters scale the rms of white noise by the root of the energy of their
-        // impulse response. Three periods of the lower corner contain all of it.
-        let mut states = [[0.0; 2]; 2];
-        let mut energy = 0.0;
-        for k in 0..(3.0 / (low * period)).ceil() as usize {
-            let mut x = if k == 0 { 1.0 } else { 0.0 };
-            for (filter, state) in filters.iter().zip(&mut states) {
-                x = filter.step(state, x);
-            }
-            energy += x * x;
-        }
         Self {
             filters,
             states: [[[0.0; 2]; 2]; LEGS],
-            scale: settings.floor_rms / energy.sqrt(),
+            // The filters scale the rms of white noise by the root of their energy.
+            scale: settings.floor_rms / energy(&filters).sqrt(),
             random,
         }
     }
@@ -79,5 +101,33 @@ impl BandNoise {
             }
             x
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the sum of the impulse response itself, over many periods of the lower corner.
+    #[test]
+    fn the_energy_is_that_of_the_impulse_response() {
+        for [low, high] in [[1.0, 200.0], [50.0, 60.0], [20.0, 400.0]] {
+            let filters = [
+                Biquad::butterworth(low, 1e-3, true),
+                Biquad::butterworth(high, 1e-3, false),
+            ];
+            let mut states = [[0.0; 2]; 2];
+            let sum: f64 = (0..100_000)
+                .map(|k| {
+                    let mut x = if k == 0 { 1.0 } else { 0.0 };
+                    for (filter, state) in filters.iter().zip(&mut states) {
+                        x = filter.step(state, x);
+                    }
+                    x * x
+                })
+                .sum();
+            let found = energy(&filters);
+            assert!((found / sum - 1.0).abs() < 1e-9, "{found} against {sum}");
+        }
     }
 }

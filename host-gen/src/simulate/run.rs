@@ -7,6 +7,7 @@ use shared::table::ValidTable;
 use super::rig::Rig;
 use crate::machine::{Board, Simulation};
 use crate::plant::SampledPlant;
+use crate::progress::Progress;
 
 /// The results of one simulation.
 #[derive(Clone, Debug, Serialize)]
@@ -34,6 +35,26 @@ pub fn run(
     table: &ValidTable,
     closed: bool,
 ) -> Run {
+    watched(plant, board, settings, table, closed, &())
+}
+
+/// A long simulation reports after so many steps that it advances.
+const REPORTED: usize = 10_000;
+
+/// How often [`compare`] reports that it advances.
+pub fn reports(settings: &Simulation, board: &Board) -> usize {
+    let all = steps(settings.settling, board) + steps(settings.duration, board);
+    2 * all.div_ceil(REPORTED)
+}
+
+fn watched(
+    plant: &SampledPlant,
+    board: &Board,
+    settings: &Simulation,
+    table: &ValidTable,
+    closed: bool,
+    progress: &dyn Progress,
+) -> Run {
     let mut rig = Rig::new(plant.clone(), board, settings);
     let count = plant.plant.performance().len();
     let mut run = Run {
@@ -48,6 +69,9 @@ pub fn run(
     let safe = table.safe_codes();
     let mut state = None;
     for k in 0..settling + run.steps {
+        if k % REPORTED == 0 {
+            progress.advance();
+        }
         let adc = rig.sample();
         let mut dac = safe;
         if closed {
@@ -102,15 +126,16 @@ pub struct Comparison {
 }
 
 /// Simulates the open and the closed loop on the same floor. `outputs` are the names of
-/// the performance outputs.
+/// the performance outputs; `progress` is told as often as [`reports`] says.
 pub fn compare(
     plant: &SampledPlant,
     board: &Board,
     settings: &Simulation,
     table: &ValidTable,
     outputs: Vec<String>,
+    progress: &dyn Progress,
 ) -> Comparison {
-    let one = |closed| run(plant, board, settings, table, closed);
+    let one = |closed| watched(plant, board, settings, table, closed, progress);
     let (open, closed) = rayon::join(|| one(false), || one(true));
     Comparison {
         outputs,

@@ -164,14 +164,21 @@ fn mass_that_is_not_positive() {
         "inertia = [52.25, 0.0, 104.5]",
         "inertia = [52.25",
         "bodies.frame.inertia",
-        "principal moments of inertia must be above 0 kg m²",
+        "the largest must not exceed the sum of the others",
     );
     refused(
         "inertia = [52.25, 52.25, 104.5]",
         "inertia = [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]",
         "inertia = [[1.0",
         "bodies.frame.inertia",
-        "principal moments of inertia must be above 0 kg m²",
+        "the largest must not exceed the sum of the others",
+    );
+    refused(
+        "inertia = [52.25, 52.25, 104.5]",
+        "inertia = [52.25, -52.25, 104.5]",
+        "inertia = [52.25",
+        "bodies.frame.inertia",
+        "principal moments of inertia must not be below 0 kg m²",
     );
     refused(
         "inertia = [52.25, 52.25, 104.5]",

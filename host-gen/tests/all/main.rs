@@ -9,6 +9,7 @@ mod edits;
 mod kept_searches;
 mod metrology_frame;
 mod modal_law;
+mod odd_machines;
 mod other_machines;
 mod outline;
 mod report;

@@ -274,12 +274,13 @@ fn random_machine() -> impl Strategy<Value = Table> {
                     &format!("bodies.{body}.mass"),
                     Value::Float(800.0 * f[0]),
                 );
-                let [x, y, z] = [60.0 * f[1], 60.0 * f[2], 80.0 * f[3]];
-                // Off-diagonals within 0.3 of 30: positive definite.
+                // The second moments of a mass distribution, J: off-diagonals within 0.3 of 15,
+                // positive definite. Its inertia is tr J − J.
+                let [x, y, z] = [30.0 * f[1], 30.0 * f[2], 40.0 * f[3]];
                 let tensor = [
-                    [x, 30.0 * s[0], 30.0 * s[1]],
-                    [30.0 * s[0], y, 30.0 * s[2]],
-                    [30.0 * s[1], 30.0 * s[2], z],
+                    [y + z, -15.0 * s[0], -15.0 * s[1]],
+                    [-15.0 * s[0], z + x, -15.0 * s[2]],
+                    [-15.0 * s[1], -15.0 * s[2], x + y],
                 ];
                 let rows = tensor.iter().map(|row| floats(row)).collect();
                 set(

@@ -41,3 +41,26 @@ pub fn write_table(
 pub fn cells<const N: usize>(cells: [&str; N]) -> Vec<String> {
     cells.map(str::to_owned).to_vec()
 }
+
+/// Columns after which a list goes on in the next line.
+const WIDTH: usize = 100;
+
+/// Writes words after a heading, in lines of at most [`WIDTH`] columns as far as words are
+/// shorter; `indent` spaces before the first line, and two more before the others.
+pub fn write_words(
+    f: &mut Formatter<'_>,
+    indent: usize,
+    heading: &str,
+    words: &[String],
+) -> fmt::Result {
+    let mut line = format!("{:indent$}{heading}", "");
+    for word in words {
+        if line.chars().count() + 1 + word.chars().count() > WIDTH {
+            writeln!(f, "{line}")?;
+            line = format!("{:indent$} ", "");
+        }
+        line.push(' ');
+        line.push_str(word);
+    }
+    writeln!(f, "{line}")
+}

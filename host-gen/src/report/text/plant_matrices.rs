@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::aligned::TITLE;
+use super::aligned::{TITLE, write_words};
 use crate::analysis::plant_matrices::PlantMatrices;
 
 impl Display for PlantMatrices {
@@ -12,15 +12,11 @@ impl Display for PlantMatrices {
             "{TITLE}Generalised plant of {} (Fig. 4){TITLE:#}",
             self.machine
         )?;
-        writeln!(f, "  inputs: {}", self.inputs.join(" "))?;
+        write_words(f, 2, "inputs:", &self.inputs)?;
         for kind in &self.kinds {
-            writeln!(
-                f,
-                "  {} feedback: {} states, outputs {}",
-                kind.feedback,
-                kind.a.len(),
-                kind.outputs.join(" ")
-            )?;
+            let states = kind.a.len();
+            let heading = format!("{} feedback: {states} states, outputs", kind.feedback);
+            write_words(f, 2, &heading, &kind.outputs)?;
         }
         writeln!(
             f,

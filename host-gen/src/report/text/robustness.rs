@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::aligned::TITLE;
+use super::aligned::{TITLE, write_words};
 use crate::analysis::robustness::{RobustnessAnalysis, Spread};
 
 impl Display for RobustnessAnalysis {
@@ -13,15 +13,16 @@ impl Display for RobustnessAnalysis {
             "{TITLE}The controller of {} on {} randomly perturbed machines{TITLE:#}",
             self.machine, r.samples
         )?;
-        writeln!(
-            f,
-            "  payload {} mass ±{:.0} %, centre of gravity ±{:.0} mm; legs ±{:.0} %; seed {}",
+        let varied = format!(
+            "{} mass ±{:.0} %, centre of gravity ±{:.0} mm; legs ±{:.0} %; seed {}",
             self.payload.join(", "),
             100.0 * self.mass,
             1e3 * self.cog,
             100.0 * self.leg_stiffness,
             self.seed
-        )?;
+        );
+        let words: Vec<String> = varied.split_whitespace().map(str::to_owned).collect();
+        write_words(f, 2, "payload", &words)?;
         writeln!(f, "  stable on {} of {}", r.stable, r.samples)?;
         writeln!(f, "{:34}   lowest    nominal    highest", "")?;
         let line = |f: &mut Formatter<'_>, title: &str, s: &Spread| {

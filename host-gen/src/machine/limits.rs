@@ -1,0 +1,541 @@
+//! Limits of the numbers in a machine file.
+//!
+//! They are wide enough for every real machine and narrow enough that no computation overflows or
+//! runs without end. Rules of single entries, such as "above 0", are those of `validate`; zero is
+//! within every limit here.
+
+use core::fmt::{self, Display, Formatter};
+
+use toml::Value;
+
+use super::error::EntryError;
+use super::file::MachineFile;
+
+/// The limits of one number: of its magnitude, if it is not zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// The key, `*` for any name.
+    key: &'static str,
+    /// Smallest magnitude but zero.
+    pub least: f64,
+    /// Largest magnitude.
+    pub most: f64,
+    /// Unit, empty without one.
+    pub unit: &'static str,
+    /// What has these sizes.
+    why: &'static str,
+}
+
+impl Limits {
+    /// The limits of an entry as the table names it, such as `simulation.duration` or
+    /// `bodies.*.mass`. `None` if there is none of this name.
+    pub fn of(key: &str) -> Option<Self> {
+        ALL.iter().find(|limits| limits.key == key).copied()
+    }
+
+    /// Whether a finite number is zero or within the limits.
+    pub fn hold(&self, value: f64) -> bool {
+        value == 0.0 || (self.least..=self.most).contains(&value.abs())
+    }
+}
+
+/// As in "must be 1e-6 to 1e9 kg (from a grain of sand to a building)".
+impl Display for Limits {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self {
+            least,
+            most,
+            unit,
+            why,
+            ..
+        } = self;
+        if *least > 0.0 {
+            write!(f, "{} to ", short(*least))?;
+        } else {
+            write!(f, "at most ")?;
+        }
+        write!(f, "{}", short(*most))?;
+        if !unit.is_empty() {
+            write!(f, " {unit}")?;
+        }
+        write!(f, " ({why})")
+    }
+}
+
+/// As short as it is exact: 200, 1e-6, 1e14.
+fn short(x: f64) -> String {
+    let (plain, power) = (x.to_string(), format!("{x:e}"));
+    if plain.len() <= power.len() {
+        plain
+    } else {
+        power
+    }
+}
+
+const fn limits(
+    key: &'static str,
+    least: f64,
+    most: f64,
+    unit: &'static str,
+    why: &'static str,
+) -> Limits {
+    Limits {
+        key,
+        least,
+        most,
+        unit,
+        why,
+    }
+}
+
+/// The largest stiffness, N/m and N m: a cube of steel of 1 m has 2e11 N/m, and with 500 times
+/// that no result shows any compliance.
+const RIGID: f64 = 1e14;
+
+const RIGID_WHY: &str = "stiffer parts are rigid: make one body of what they join";
+const PLACE_WHY: &str = "as far as the Earth is wide";
+const RATE_WHY: &str = "what converters and processors can do";
+const VOLTS_WHY: &str = "what converters and amplifiers can do";
+const TIME_WHY: &str = "at most a day";
+const COUNT_WHY: &str = "more would never be reached";
+const CORNER_WHY: &str = "what a controller can filter";
+const RATIO_WHY: &str = "more would be no limit";
+
+/// All numbers of a machine file.
+const ALL: &[Limits] = &[
+    limits("format", 0.0, 1e3, "", "there are few formats"),
+    // Components of vectors are often zero up to rounding, so they have no least magnitude.
+    limits("gravity", 0.0, 1e3, "m/s²", "100 times that of the Earth"),
+    limits("nodes.*", 0.0, 1e7, "m", PLACE_WHY),
+    limits(
+        "bodies.*.mass",
+        1e-6,
+        1e9,
+        "kg",
+        "from a grain of sand to a building",
+    ),
+    limits("bodies.*.inertia", 0.0, 1e15, "kg m²", "that of a building"),
+    limits("bodies.*.cog", 0.0, 1e7, "m", PLACE_WHY),
+    limits("profiles.*.axial", 1e-6, RIGID, "N/m", RIGID_WHY),
+    limits("profiles.*.bending", 1e-9, RIGID, "N m", RIGID_WHY),
+    limits("profiles.*.torsion", 1e-9, RIGID, "N m", RIGID_WHY),
+    limits(
+        "profiles.*.youngs_modulus",
+        1.0,
+        1e13,
+        "Pa",
+        "diamond has 1.2e12 Pa",
+    ),
+    limits(
+        "profiles.*.shear_modulus",
+        1.0,
+        1e13,
+        "Pa",
+        "diamond has 5e11 Pa",
+    ),
+    limits(
+        "profiles.*.area",
+        1e-15,
+        1e6,
+        "m²",
+        "from a fibre to a building",
+    ),
+    limits(
+        "profiles.*.second_moments",
+        1e-30,
+        1e10,
+        "m⁴",
+        "from a fibre to a building",
+    ),
+    limits(
+        "profiles.*.torsion_constant",
+        1e-30,
+        1e10,
+        "m⁴",
+        "from a fibre to a building",
+    ),
+    limits("profiles.*.loss_factor", 0.0, 10.0, "", "rubber has 1"),
+    limits(
+        "profiles.*.damper",
+        0.0,
+        1e12,
+        "N s/m",
+        "no damper has more",
+    ),
+    limits("beams.*.y_axis", 0.0, 1e6, "", "only its direction counts"),
+    limits(
+        "sensors.acceleration.*.direction",
+        0.0,
+        2.0,
+        "",
+        "it is a unit vector",
+    ),
+    limits(
+        "floor.inputs.*.direction",
+        0.0,
+        2.0,
+        "",
+        "it is a unit vector",
+    ),
+    limits(
+        "performance.accelerations.*.direction",
+        0.0,
+        2.0,
+        "",
+        "it is a unit vector",
+    ),
+    limits(
+        "performance.bands.*",
+        1e-4,
+        1e6,
+        "Hz",
+        "where machines vibrate",
+    ),
+    limits(
+        "damping.modal",
+        0.0,
+        1.0,
+        "",
+        "at 1 a mode does not vibrate",
+    ),
+    limits(
+        "damping.rayleigh",
+        0.0,
+        1e6,
+        "1/s or s",
+        "more lets nothing move",
+    ),
+    limits(
+        "control.frequency",
+        1e-3,
+        1e5,
+        "Hz",
+        "where machines vibrate",
+    ),
+    limits("control.damping", 0.0, 100.0, "", "more lets nothing move"),
+    limits(
+        "control.max_sensitivity",
+        1.0,
+        1e3,
+        "",
+        "a robust loop has 2",
+    ),
+    limits("control.shapes.lags_hz", 1e-4, 1e8, "Hz", CORNER_WHY),
+    limits("control.shapes.zero_hz", 1e-4, 1e8, "Hz", CORNER_WHY),
+    limits("control.shapes.notch.hz", 1e-4, 1e8, "Hz", CORNER_WHY),
+    limits("control.shapes.notch.damping", 1e-6, 1e6, "", CORNER_WHY),
+    limits("control.shapes.notch_poles.hz", 1e-4, 1e8, "Hz", CORNER_WHY),
+    limits(
+        "control.shapes.notch_poles.damping",
+        1e-6,
+        1e6,
+        "",
+        CORNER_WHY,
+    ),
+    limits("control.shapes.split_hz", 1e-4, 1e8, "Hz", CORNER_WHY),
+    limits("board.sample_rate", 1.0, 1e8, "Hz", RATE_WHY),
+    limits("board.conversion_delay", 0.0, 10.0, "s", RATE_WHY),
+    limits("board.output_delay", 0.0, 10.0, "s", RATE_WHY),
+    limits("board.adc.bits", 0.0, 64.0, "", RATE_WHY),
+    limits("board.adc.range", 1e-6, 1e6, "V", VOLTS_WHY),
+    limits("board.adc.noise", 0.0, 1e6, "V", VOLTS_WHY),
+    limits("board.dac.bits", 0.0, 64.0, "", RATE_WHY),
+    limits("board.dac.range", 0.0, 1e6, "V", VOLTS_WHY),
+    limits("board.dac.noise", 0.0, 1e6, "V", VOLTS_WHY),
+    limits(
+        "board.accelerometer.sensitivity",
+        1e-9,
+        1e9,
+        "V/(m/s²)",
+        VOLTS_WHY,
+    ),
+    limits(
+        "board.accelerometer.noise_density",
+        0.0,
+        1e3,
+        "m/s²/√Hz",
+        "louder than any machine",
+    ),
+    limits("board.accelerometer.offset", 0.0, 1e6, "V", VOLTS_WHY),
+    limits("board.accelerometer.bandwidth", 1e-3, 1e12, "Hz", VOLTS_WHY),
+    limits(
+        "board.force_sensor.sensitivity",
+        1e-9,
+        1e9,
+        "V/N",
+        VOLTS_WHY,
+    ),
+    limits(
+        "board.force_sensor.noise_density",
+        0.0,
+        1e6,
+        "N/√Hz",
+        "louder than any machine",
+    ),
+    limits("board.force_sensor.offset", 0.0, 1e6, "V", VOLTS_WHY),
+    limits("board.force_sensor.bandwidth", 1e-3, 1e12, "Hz", VOLTS_WHY),
+    limits(
+        "board.actuator.gain",
+        1e-9,
+        1e9,
+        "N/V",
+        "no actuator has other ones",
+    ),
+    limits(
+        "board.actuator.limit",
+        1e-9,
+        1e9,
+        "N",
+        "no actuator has other ones",
+    ),
+    limits("board.actuator.bandwidth", 1e-3, 1e12, "Hz", VOLTS_WHY),
+    limits("supervision.soft_start", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.settle", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.safe_ramp", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.rail", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.stuck", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.spike", 0.0, 65_535.0, "", "codes have 16 bits"),
+    limits("supervision.spikes", 0.0, 1e9, "", COUNT_WHY),
+    limits("supervision.lost", 0.0, 1e9, "", COUNT_WHY),
+    limits("supervision.late", 0.0, 1e9, "", COUNT_WHY),
+    limits("supervision.saturated", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.silence", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.window", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.growth", 0.0, 1e6, "", RATIO_WHY),
+    limits("supervision.grown", 0.0, 1e9, "", COUNT_WHY),
+    limits(
+        "supervision.level",
+        1e-9,
+        1.0,
+        "",
+        "a fraction of the force limit",
+    ),
+    limits("supervision.wild", 0.0, 1e6, "", RATIO_WHY),
+    limits("supervision.dull", 0.0, 1e6, "", RATIO_WHY),
+    limits("supervision.strange", 0.0, 1e9, "", COUNT_WHY),
+    limits(
+        "supervision.test_force",
+        1e-9,
+        1.0,
+        "",
+        "a fraction of the force limit",
+    ),
+    limits("supervision.test_time", 0.0, 1e5, "s", TIME_WHY),
+    limits(
+        "supervision.pilot",
+        1e-12,
+        1e9,
+        "N",
+        "no actuator has other forces",
+    ),
+    limits("supervision.pilot_time", 0.0, 1e5, "s", TIME_WHY),
+    limits("supervision.test_tolerance", 1e-6, 1e6, "", RATIO_WHY),
+    limits("simulation.duration", 1e-6, 1e5, "s", TIME_WHY),
+    limits("simulation.settling", 0.0, 1e5, "s", TIME_WHY),
+    limits(
+        "simulation.floor_rms",
+        0.0,
+        1e3,
+        "m/s²",
+        "100 times the weight",
+    ),
+    limits("simulation.floor_band", 1e-3, 1e8, "Hz", "slower is tides"),
+    limits("simulation.seed", 0.0, f64::MAX, "", "any"),
+    limits("robustness.mass", 0.0, 1.0, "", "a fraction"),
+    limits(
+        "robustness.cog",
+        0.0,
+        1e4,
+        "m",
+        "more than any machine is wide",
+    ),
+    limits("robustness.leg_stiffness", 0.0, 1.0, "", "a fraction"),
+    limits(
+        "robustness.samples",
+        0.0,
+        1e6,
+        "",
+        "more takes days and shows nothing new",
+    ),
+    limits("robustness.seed", 0.0, f64::MAX, "", "any"),
+];
+
+/// Checks every number of `file`. Numbers that are not finite are left to the validation of
+/// their entry.
+pub(super) fn check(file: &MachineFile) -> Result<(), EntryError> {
+    // Integers beyond those of TOML are left to validation, too.
+    let Ok(table) = file.to_table() else {
+        return Ok(());
+    };
+    let mut result = Ok(());
+    numbers(&Value::Table(table), &mut |keys, entry, value| {
+        if let Some(limits) = find(keys)
+            && value.is_finite()
+            && !limits.hold(value)
+            && result.is_ok()
+        {
+            let name = keys.last().copied().unwrap_or_default();
+            let message = format!("{name} must be {limits}, not {}", short(value));
+            result = Err(EntryError::new(entry, message).fix("check its unit"));
+        }
+    });
+    result
+}
+
+/// The limits of the number under `keys`.
+fn find(keys: &[&str]) -> Option<&'static Limits> {
+    // A beam's own stiffness has the limits of a shared one.
+    let shared;
+    let keys = match keys {
+        ["beams", name, "stiffness", key] => {
+            shared = ["profiles", name, key];
+            &shared[..]
+        }
+        keys => keys,
+    };
+    ALL.iter().find(|limits| {
+        let mut parts = limits.key.split('.');
+        let fits = |key: &&str| parts.next().is_some_and(|part| part == "*" || part == *key);
+        keys.iter().all(fits) && parts.next().is_none()
+    })
+}
+
+/// Calls `visit` for every number within `value`, with its keys, its entry and its value.
+fn numbers(value: &Value, visit: &mut impl FnMut(&[&str], &str, f64)) {
+    fn walk<'a>(
+        value: &'a Value,
+        keys: &mut Vec<&'a str>,
+        entry: &str,
+        visit: &mut impl FnMut(&[&str], &str, f64),
+    ) {
+        match value {
+            Value::Table(table) => {
+                for (key, value) in table {
+                    let dot = if entry.is_empty() { "" } else { "." };
+                    keys.push(key);
+                    walk(value, keys, &format!("{entry}{dot}{key}"), visit);
+                    keys.pop();
+                }
+            }
+            Value::Array(array) => {
+                for (i, value) in array.iter().enumerate() {
+                    walk(value, keys, &format!("{entry}[{i}]"), visit);
+                }
+            }
+            Value::Float(x) => visit(keys, entry, *x),
+            Value::Integer(x) => visit(keys, entry, *x as f64),
+            _ => {}
+        }
+    }
+    walk(value, &mut Vec::new(), "", visit);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::schema::schema;
+    use super::*;
+    use crate::machine::Machine;
+
+    /// The schema knows every number; whoever adds one adds its limits.
+    #[test]
+    fn every_number_has_limits() {
+        let schema: serde_json::Value = serde_json::from_str(&schema()).unwrap();
+        let mut keys = Vec::new();
+        of_schema(&schema, &schema, "", &mut keys);
+        assert!(keys.len() > 60, "{keys:?}");
+        for key in &keys {
+            let parts: Vec<&str> = key.split('.').collect();
+            assert!(find(&parts).is_some(), "{key} has no limits");
+        }
+        for limits in ALL {
+            let there = keys.iter().any(|key| key == limits.key);
+            assert!(there, "there is no {}", limits.key);
+        }
+    }
+
+    /// The keys of all numbers below `node`.
+    fn of_schema(
+        root: &serde_json::Value,
+        node: &serde_json::Value,
+        key: &str,
+        keys: &mut Vec<String>,
+    ) {
+        if let Some(reference) = node["$ref"].as_str() {
+            let place = reference.trim_start_matches('#');
+            return of_schema(root, root.pointer(place).unwrap(), key, keys);
+        }
+        let is = |kind: &str| {
+            node["type"] == kind
+                || node["type"]
+                    .as_array()
+                    .is_some_and(|kinds| kinds.iter().any(|k| k == kind))
+        };
+        if (is("number") || is("integer")) && !keys.contains(&key.to_owned()) {
+            keys.push(key.to_owned());
+        }
+        let below = |name: &str| {
+            if key.is_empty() {
+                name.to_owned()
+            } else {
+                format!("{key}.{name}")
+            }
+        };
+        for (name, child) in node["properties"].as_object().into_iter().flatten() {
+            of_schema(root, child, &below(name), keys);
+        }
+        if node["additionalProperties"].is_object() {
+            of_schema(root, &node["additionalProperties"], &below("*"), keys);
+        }
+        for list in ["items", "prefixItems", "anyOf", "oneOf", "allOf"] {
+            match &node[list] {
+                serde_json::Value::Array(children) => {
+                    for child in children {
+                        of_schema(root, child, key, keys);
+                    }
+                }
+                child if child.is_object() => of_schema(root, child, key, keys),
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn a_number_beyond_its_limits_is_named() {
+        const FRAME: &str = include_str!("../../../models/metrology-frame.toml");
+        for (old, new, entry, says) in [
+            (
+                "mass = 742.0",
+                "mass = 1e-300",
+                "bodies.frame.mass",
+                "1e-6 to 1e9 kg",
+            ),
+            (
+                "n3 = [0.0, 0.5, 0.0]",
+                "n3 = [0.0, -1e9, 0.0]",
+                "nodes.n3[1]",
+                "at most 1e7 m",
+            ),
+            (
+                "axial = 4.5e7",
+                "axial = 1e18",
+                "profiles.block.axial",
+                "1e-6 to 1e14 N/m",
+            ),
+            (
+                "floor_band = [1.0,",
+                "floor_band = [1e-9,",
+                "simulation.floor_band[0]",
+                "Hz",
+            ),
+        ] {
+            let text = FRAME.replace(old, new);
+            let error = Machine::parse(Path::new("m.toml"), &text).unwrap_err();
+            assert_eq!(error.entry(), entry);
+            assert!(error.message().contains(says), "{error}");
+            let line = text.lines().position(|line| line.contains(new)).unwrap() + 1;
+            assert_eq!(error.place().map(|place| place.0), Some(line));
+        }
+    }
+}
