@@ -5,7 +5,7 @@ use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
 use host_gen::design::DesignedStudy;
 use host_gen::machine::Machine;
 
-use crate::arguments::{Common, band};
+use crate::arguments::{Common, band, count};
 use crate::failure::{Failure, in_loop};
 use crate::print;
 use crate::search::{Bar, Searcher};
@@ -20,9 +20,9 @@ pub struct SigmaArguments {
     /// Highest frequency, Hz.
     #[arg(long, default_value_t = 300.0)]
     to: f64,
-    /// Number of frequencies, evenly spaced in the logarithm, at least 2; more are added
+    /// Number of frequencies, evenly spaced in the logarithm, 2 to 100000; more are added
     /// around peaks.
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = count(2, 100_000))]
     points: usize,
     /// Only these frequencies, Hz, separated by commas.
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["from", "to", "points"])]
@@ -33,7 +33,7 @@ pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Fail
     let Common { model, format } = &arguments.common;
     let frequencies = if arguments.at.is_empty() {
         let [low, high] = band(arguments.from, arguments.to)?;
-        let count = arguments.points.max(2);
+        let count = arguments.points;
         Frequencies::Adaptive { low, high, count }
     } else {
         if !arguments.at.iter().all(|hz| hz.is_finite() && *hz > 0.0) {

@@ -37,9 +37,17 @@ pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure>
         error,
     };
     let study = study(&arguments.model)?;
+    // An address that cannot be used is told at once. It is not kept meanwhile: a host that
+    // asks too early is refused and does not wait for a reply.
+    drop(TcpListener::bind(&arguments.listen).map_err(failed)?);
+    let model = arguments.model.display();
+    let _ = writeln!(
+        io::stderr(),
+        "designing the controller of {model}; the link is open from \"listening on\" on"
+    );
+    let table = searcher.design(&arguments.model, &study)?.table;
     let listener = TcpListener::bind(&arguments.listen).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
-    let table = searcher.design(&arguments.model, &study)?.table;
     let mut room = vec![Record::NONE; ROOM];
     let mut sil = SoftwareBoard::new(&study, &table, &mut room);
     // A script that started this program may wait for this line.

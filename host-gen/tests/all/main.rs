@@ -6,6 +6,8 @@ mod bad_files;
 mod common;
 mod edits;
 mod kept_searches;
+mod link_without_answer;
+mod measuring_amplitude;
 mod metrology_frame;
 mod modal_law;
 mod other_machines;
