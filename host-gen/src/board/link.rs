@@ -74,6 +74,11 @@ pub enum LinkError {
         /// Number of bytes that arrived.
         bytes: u64,
     },
+    /// The board replies, but takes no samples.
+    #[error(
+        "{0}: the board replies, but has taken no sample for {SILENCE:?}; check its converters and its clock"
+    )]
+    Standing(Address),
     /// What [`Client::stop_when`] was given has become true.
     #[error("interrupted")]
     Interrupted,
@@ -422,15 +427,21 @@ impl Client {
     /// Asks for reports until `is` holds for one, and returns it.
     ///
     /// # Errors
-    /// As [`Client::ask`].
+    /// As [`Client::ask`]; [`LinkError::Standing`] if the board's samples stand still.
     pub fn wait_for(
         &mut self,
         is: impl Fn(&ControllerReport) -> bool,
     ) -> Result<ControllerReport, LinkError> {
+        let (mut last, mut since) = (None, Instant::now());
         loop {
             let report = self.report()?;
             if is(&report) {
                 return Ok(report);
+            }
+            if last.replace(report.at) != Some(report.at) {
+                since = Instant::now();
+            } else if since.elapsed() > SILENCE {
+                return Err(LinkError::Standing(self.at.clone()));
             }
             std::thread::sleep(Duration::from_millis(2));
         }

@@ -138,6 +138,9 @@ pub enum FrfError {
         "the board runs the table of another machine, or of another version of the machine file; send the table with host-gen link table, or run host-gen generate and flash the board"
     )]
     OtherTable,
+    /// A fault was latched before the measurement.
+    #[error("a fault is latched: {}; use host-gen link clear, and repeat the self-test", cause(*.0))]
+    Latched(Cause),
     /// The loop is neither idle nor closed.
     #[error("the loop is neither idle nor closed; see host-gen link status")]
     Mode,
@@ -333,6 +336,9 @@ pub fn measure(
         return Err(setting("period", must));
     }
     let report = client.report()?;
+    if let Some(fault) = report.fault {
+        return Err(FrfError::Latched(fault.cause));
+    }
     let law = match report.mode {
         Mode::Idle => None,
         Mode::Closed => Some(LinearLaw::new(table).with_gain(report.gain.into())),
