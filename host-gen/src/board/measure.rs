@@ -177,7 +177,7 @@ const PART_OF_LIMIT: f64 = 0.5;
 const PART_OF_RANGE: f64 = 1.0 / 3.0;
 
 /// Largest part of a ratio of the supervisor that the responses of the sensors may reach.
-const PART_OF_RATIO: f64 = 0.7;
+const PART_OF_RATIO: f64 = 0.9;
 
 /// The default amplitude of each sine, N: the largest with which, as the model predicts for
 /// each leg in turn,
@@ -187,64 +187,72 @@ const PART_OF_RATIO: f64 = 0.7;
 /// - with the loop closed, the rms of the forces stays below `level`, from which growth is a
 ///   fault;
 /// - every sensor stays within a third of the ADC's range;
-/// - the rms of every sensor, with its noise, stays within 0.7 times the ratios `wild` and
-///   `dull` to the median of its kind. At any amplitude, if the responses alone do.
+/// - the rms of every sensor in the supervisor's windows, with its noise and the floor of
+///   `[simulation]`, stays within 0.9 times the ratios `wild` and `dull` to the median of its
+///   kind. At any amplitude, if the responses alone do.
 ///
 /// It is rounded down to two digits. `law` is that of the closed loop, none with the loop
 /// open; `period` is that of the multisine, samples.
 pub fn amplitude(study: &Study, table: &ValidTable, law: Option<&LinearLaw>, period: u32) -> f64 {
-    let board = &study.machine().board;
+    let machine = study.machine();
+    let board = &machine.board;
     let t = table.get();
     let rate = f64::from(t.sample_rate);
-    let limit = t.actuators.iter().map(|drive| f64::from(drive.limit));
-    let limit = limit.fold(f64::INFINITY, f64::min);
-    let mut most = PART_OF_LIMIT * limit / f64::from(COUNT);
-    // Unit responses by line: of the forces, then of the sensors; a column for each leg.
-    let responses: Vec<_> = (0..COUNT)
+    let mut most = PART_OF_LIMIT * force_limit(t) / f64::from(COUNT);
+    let lines: Vec<_> = (0..COUNT)
         .map(|line| {
             let hz = rate * f64::from(FIRST + APART * line) / f64::from(period);
-            let plant = study.plant().response(hz).g22();
-            let forces = law.map_or_else(Matrix6::identity, |law| {
-                sensitivity(law, study.plant().z(hz), &plant)
-            });
-            (forces, plant * forces)
+            Line::new(study, law, hz, f64::from(t.supervision.window) / rate)
         })
         .collect();
     let inverse = FftPlanner::new().plan_fft_inverse(period as usize);
-    // Peak and rms of the response to the multisine with sines of 1 N.
-    let in_time = |of: &dyn Fn(usize) -> Complex<f64>| {
+    // Peak of the response to the multisine with sines of 1 N.
+    let peak = |of: &dyn Fn(&Line) -> Complex<f64>| {
         let mut wave = vec![Complex::ZERO; period as usize];
-        let mut square = 0.0;
-        for line in 0..COUNT as usize {
-            let k = line as f64;
-            let schroeder = -core::f64::consts::PI * k * k / f64::from(COUNT);
-            wave[FIRST as usize + APART as usize * line] = of(line) * Complex::cis(schroeder);
-            square += 0.5 * of(line).norm_sqr();
+        for (k, line) in lines.iter().enumerate() {
+            let schroeder = -core::f64::consts::PI * (k * k) as f64 / f64::from(COUNT);
+            wave[FIRST as usize + APART as usize * k] = of(line) * Complex::cis(schroeder);
         }
         inverse.process(&mut wave);
-        let peak = wave.iter().map(|x| x.im.abs()).fold(0.0, f64::max);
-        (peak, square.sqrt())
+        wave.iter().map(|x| x.im.abs()).fold(0.0, f64::max)
     };
-    let kinds = [(Some(board.sensor), 0), (board.beside, LEGS)];
+    let sum = |of: &dyn Fn(&Line) -> f64| lines.iter().map(of).sum::<f64>();
+    // Density of each input of the floor, times the distance of the lines.
+    let [low, high] = machine.simulation.floor_band;
+    let apart = rate * f64::from(APART) / f64::from(period);
+    let floor = machine.simulation.floor_rms.powi(2) / (high - low) * apart;
+    let kinds = [Some(board.sensor), board.beside];
     for leg in 0..LEGS {
         if law.is_some() {
             for i in 0..LEGS {
-                let (peak, rms) = in_time(&|line| responses[line].0[(i, leg)]);
-                most = most.min(PART_OF_LIMIT * limit / peak);
-                most = most.min(f64::from(t.supervision.level) * limit / rms);
+                let push = peak(&|line| line.forces[(i, leg)]);
+                most = most.min(PART_OF_LIMIT * force_limit(t) / push);
+                let rms = sum(&|line| 0.5 * line.forces[(i, leg)].norm_sqr()).sqrt();
+                most = most.min(f64::from(t.supervision.level) * force_limit(t) / rms);
             }
         }
-        for (sensor, first) in kinds {
+        for (kind, sensor) in kinds.into_iter().enumerate() {
             let Some(sensor) = sensor else { continue };
-            let answers: [(f64, f64); LEGS] =
-                core::array::from_fn(|i| in_time(&|line| responses[line].1[(first + i, leg)]));
-            for (i, (peak, _)) in answers.iter().enumerate() {
-                most = most.min(PART_OF_RANGE * range(t, calibration(t, first + i)) / peak);
+            let rows: [usize; LEGS] = core::array::from_fn(|i| kind * LEGS + i);
+            for i in rows {
+                let motion = peak(&|line| line.sensors[(i, leg)]);
+                most = most.min(PART_OF_RANGE * range(t, calibration(t, i)) / motion);
             }
             let noise = sensor_noise(board, sensor);
-            let rms = answers.map(|(_, rms)| rms);
-            // From small to large: noise alone is alike in all sensors.
-            while !is_plausible(t, noise, rms.map(|rms| most * rms)) {
+            // Variances by floor and noise, and by sines of 1 N.
+            let variances = rows.map(|i| {
+                let by_floor = |line: &Line| {
+                    let row: f64 = line.floor.row(i).iter().map(|x| x.norm_sqr()).sum();
+                    let within = line.hz >= low && line.hz <= high;
+                    if within { line.weight * row } else { 0.0 }
+                };
+                let by_leg = |line: &Line| 0.5 * line.weight * line.sensors[(i, leg)].norm_sqr();
+                [noise.powi(2) + floor * sum(&by_floor), sum(&by_leg)]
+            });
+            // Noise and floor alone may be unlike, too: then no amplitude helps.
+            let least = 1e-3 * most;
+            let at = |most: f64| variances.map(|[rest, own]| rest + most.powi(2) * own);
+            while most > least && !is_plausible(t, at(most)) {
                 most *= 0.9;
             }
         }
@@ -253,6 +261,51 @@ pub fn amplitude(study: &Study, table: &ValidTable, law: Option<&LinearLaw>, per
     let rounded = (most / digit).floor() * digit;
     // Without the rounding errors of the product.
     format!("{rounded:.1e}").parse().unwrap_or(rounded)
+}
+
+/// Unit responses of the model at one frequency.
+struct Line {
+    hz: f64,
+    /// From injected forces to leg forces.
+    forces: Matrix6<Complex<f64>>,
+    /// From injected forces to sensors.
+    sensors: Gain,
+    /// From floor accelerations to sensors.
+    floor: Gain,
+    /// Part of a sine's variance that is left about the mean of one of the supervisor's
+    /// windows.
+    weight: f64,
+}
+
+impl Line {
+    /// At `hz`, for windows of `window` seconds.
+    fn new(study: &Study, law: Option<&LinearLaw>, hz: f64, window: f64) -> Self {
+        let response = study.plant().response(hz);
+        let plant = response.g22();
+        let rows = 0..plant.nrows();
+        let (forces, floor) = match law {
+            Some(law) => {
+                let z = study.plant().z(hz);
+                let floor = response.close(rows, &law.response(z));
+                (sensitivity(law, z, &plant), floor)
+            }
+            None => (Matrix6::identity(), response.from_floor(rows)),
+        };
+        let turn = core::f64::consts::PI * hz * window;
+        Self {
+            hz,
+            forces,
+            sensors: plant * forces,
+            floor,
+            weight: 1.0 - (turn.sin() / turn).powi(2),
+        }
+    }
+}
+
+/// The smallest force limit of a leg, N.
+fn force_limit(table: &Table) -> f64 {
+    let limits = table.actuators.iter().map(|drive| f64::from(drive.limit));
+    limits.fold(f64::INFINITY, f64::min)
 }
 
 /// Calibration of a sensor; from [`LEGS`] on, of those used beside the table's.
@@ -269,14 +322,13 @@ fn range(table: &Table, calibration: Calibration) -> f64 {
     codes.max(0.0) * f64::from(calibration.gain).abs()
 }
 
-/// Whether the supervisor would find sensors of a kind with these rms values alike.
-fn is_plausible(table: &Table, noise: f64, rms: [f64; LEGS]) -> bool {
-    let mut rms = rms.map(|rms| rms.hypot(noise));
-    rms.sort_unstable_by(f64::total_cmp);
-    let median = (0.5 * (rms[2].powi(2) + rms[3].powi(2))).sqrt();
+/// Whether the supervisor would find sensors of a kind with these variances alike.
+fn is_plausible(table: &Table, mut variances: [f64; LEGS]) -> bool {
+    variances.sort_unstable_by(f64::total_cmp);
+    let median = 0.5 * (variances[2] + variances[3]);
     let [wild, dull] = [table.supervision.wild, table.supervision.dull]
-        .map(|ratio| (PART_OF_RATIO * f64::from(ratio)).max(1.01));
-    noise == 0.0 || rms[5] <= wild * median && median <= dull * rms[0]
+        .map(|ratio| (PART_OF_RATIO * f64::from(ratio)).powi(2));
+    variances[5] <= wild * median && median <= dull * variances[0]
 }
 
 /// The sensitivity at the legs, (1 − C·G)⁻¹; infinite at an undamped pole.
@@ -344,12 +396,7 @@ pub fn measure(
         Mode::Closed => Some(LinearLaw::new(table).with_gain(report.gain.into())),
         _ => return Err(FrfError::Mode),
     };
-    let limit = table
-        .get()
-        .actuators
-        .iter()
-        .map(|drive| f64::from(drive.limit));
-    let limit = limit.fold(f64::INFINITY, f64::min) / f64::from(COUNT);
+    let limit = force_limit(table.get()) / f64::from(COUNT);
     let amplitude = settings
         .amplitude
         .unwrap_or_else(|| amplitude(study, table, law.as_ref(), settings.period));
