@@ -53,6 +53,21 @@ pub fn criterion() -> impl TypedValueParser<Value = Criterion> {
     PossibleValuesParser::new(Criterion::ALL.map(Criterion::key)).try_map(|key| key.parse())
 }
 
+/// Parses a count from `least` to `most`.
+pub fn count(least: u64, most: u64) -> impl TypedValueParser<Value = usize> {
+    clap::value_parser!(u64)
+        .range(least..=most)
+        .map(|count| count as usize)
+}
+
+/// Parses a number above 0.
+pub fn above_zero(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(number) if number > 0.0 && f32::is_finite(number) => Ok(number),
+        _ => Err("must be a number above 0".to_owned()),
+    }
+}
+
 /// Checks a band of frequencies, Hz.
 pub fn band(from: f64, to: f64) -> Result<[f64; 2], Failure> {
     let from = positive("from", from, "performance.bands.*")?;

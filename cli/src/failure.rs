@@ -34,6 +34,10 @@ pub enum Failure {
     Link(#[from] LinkError),
     #[error(transparent)]
     Frf(FrfError),
+    #[error("{option} must {must}")]
+    Setting { option: &'static str, must: String },
+    #[error("interrupted; {board}")]
+    Interrupted { board: String, code: u8 },
     #[error("outputs exceeded their limits, or the legs came to rest too late: see the table")]
     Unsafe,
     #[error("a fault is latched: {0}")]
@@ -52,8 +56,6 @@ pub enum Failure {
     Exists(String),
     #[error("--to must be finite and above --from")]
     Range,
-    #[error("--period must be a power of two and at least {0}")]
-    Period(u32),
     #[error("--{0} must be positive and finite")]
     Option(&'static str),
     #[error("--{flag} must be {limits}, not {value}")]
@@ -70,6 +72,15 @@ pub enum Failure {
         model: String,
         difference: String,
     },
+}
+
+impl From<FrfError> for Failure {
+    fn from(error: FrfError) -> Self {
+        match error {
+            FrfError::Link(error) => error.into(),
+            error => Self::Frf(error),
+        }
+    }
 }
 
 /// Adds the machine file to the error of a design.

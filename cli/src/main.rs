@@ -7,9 +7,11 @@ mod failure;
 mod files;
 mod print;
 mod search;
+mod signals;
 mod snippet;
+mod waiting;
 
-use std::io::{self, IsTerminal as _};
+use std::io::{self, IsTerminal as _, Write as _};
 use std::process::ExitCode;
 
 use anstyle::{AnsiColor, Style};
@@ -123,6 +125,9 @@ enum Command {
     Watch(WatchArguments),
     /// Check that a table of the firmware matches the machine file.
     ///
+    /// Exit codes: 0 the table matches, 1 it differs, 2 it could not be checked because of
+    /// an error.
+    ///
     /// Example: host-gen check models/metrology-frame.toml
     Check(TableArguments),
     /// Simulate the open and the closed loop in time, with converters, noise and the step
@@ -152,13 +157,21 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             const ERROR: Style = AnsiColor::Red.on_default().bold();
-            match &failure {
+            let mut out = anstream::stderr();
+            // Without standard error, as after a closed terminal, there is nobody to tell.
+            let _ = match &failure {
                 Failure::Machine(error) if io::stderr().is_terminal() => {
-                    anstream::eprintln!("{}", snippet::render(error, true));
+                    writeln!(out, "{}", snippet::render(error, true))
                 }
-                failure => anstream::eprintln!("{ERROR}error:{ERROR:#} {failure}"),
+                failure => writeln!(out, "{ERROR}error:{ERROR:#} {failure}"),
+            };
+            match (&failure, &cli.command) {
+                (Failure::Interrupted { code, .. }, _) => ExitCode::from(*code),
+                (Failure::Stale { .. }, _) => ExitCode::FAILURE,
+                // Not to be taken for a table that differs.
+                (_, Command::Check(_)) => ExitCode::from(2),
+                _ => ExitCode::FAILURE,
             }
-            ExitCode::FAILURE
         }
     }
 }

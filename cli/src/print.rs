@@ -56,7 +56,12 @@ fn json(result: &impl Serialize) -> String {
 
 /// Prints text; colours only on a terminal.
 pub fn text(text: &str) -> Result<(), Failure> {
-    match anstream::stdout().write_all(text.as_bytes()) {
+    written(anstream::stdout().write_all(text.as_bytes()))
+}
+
+/// The outcome of writing to standard output.
+pub fn written(outcome: io::Result<()>) -> Result<(), Failure> {
+    match outcome {
         // The reader has closed the pipe: not an error.
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         Err(error) => Err(Failure::Io {

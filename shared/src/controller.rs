@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{DacCode, LegForces, Samples};
-use crate::injection::{Injection, Injector};
+use crate::injection::{Injection, Injector, UNASKED};
 use crate::monitors::Monitors;
 use crate::recorder::{Record, Recorded, Recorder, Recording};
 use crate::self_test::{Course, Probe, Verdict};
@@ -361,6 +361,7 @@ impl<'a> Controller<'a> {
             .monitors
             .see(&self.table, self.mode, samples, seen, late, calm);
         let cause = cause.or_else(|| self.probed(samples, output));
+        self.end_unasked_injection();
         if self.mode.is_loop() && output.status.clamped {
             self.clamped = self.clamped.saturating_add(1);
         }
@@ -544,6 +545,16 @@ impl<'a> Controller<'a> {
         self.injector = None;
     }
 
+    /// Ends the injection if no request has come for [`UNASKED`] seconds. The loop stays as
+    /// it is.
+    fn end_unasked_injection(&mut self) {
+        // The cast saturates; rates are positive and far below 2³².
+        let patience = || (UNASKED * self.table.get().sample_rate) as u32;
+        if self.injector.is_some() && self.monitors.silence() >= patience() {
+            self.stop_injection();
+        }
+    }
+
     /// Applies an event. False if the mode refuses it.
     fn change(&mut self, event: Event) -> bool {
         let Some(next) = self.mode.after(event) else {
@@ -598,7 +609,8 @@ impl<'a> Controller<'a> {
         Ok(())
     }
 
-    /// Starts an injection and ends a running one.
+    /// Starts an injection and ends a running one. It ends after its duration, with a fault,
+    /// or when no request has come for [`UNASKED`] seconds.
     ///
     /// # Errors
     /// [`Refusal::Mode`] unless the mode is [`Mode::Idle`] or [`Mode::Closed`],
@@ -611,6 +623,7 @@ impl<'a> Controller<'a> {
             return Err(Refusal::Range);
         }
         self.injector = Some(Injector::new(&self.table, injection));
+        self.monitors.heard();
         self.injected = self.at;
         self.injection_begins = true;
         Ok(())

@@ -16,6 +16,10 @@ pub const LINES: u32 = 64;
 /// Longest injection, samples: ten minutes at 20 kHz.
 pub const LONGEST: u32 = 12_000_000;
 
+/// Time without a request on the link after which an injection ends by itself, s: the host
+/// that began it may be gone.
+pub const UNASKED: f32 = 5.0;
+
 /// A test signal of amplitude 1. In a multisine each sine has amplitude 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Signal {

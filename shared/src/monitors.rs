@@ -145,6 +145,11 @@ impl Monitors {
         self.silence = 0;
     }
 
+    /// Samples since the last valid frame on the link; 0 while nothing drives the legs.
+    pub fn silence(&self) -> u32 {
+        self.silence
+    }
+
     /// To be called instead of [`Monitors::see`] when a sample could not be read.
     pub fn lost(&mut self, table: &ValidTable) -> Option<Cause> {
         self.lost = self.lost.saturating_add(1);
@@ -192,7 +197,7 @@ impl Monitors {
             self.saturated = self.saturated.saturating_sub(1);
         }
         let driven = mode.is_loop() || mode == Mode::Testing;
-        self.silence = if driven {
+        self.silence = if driven || !calm {
             self.silence.saturating_add(1)
         } else {
             0
@@ -217,7 +222,8 @@ impl Monitors {
         if self.saturated / 4 >= limits.saturated {
             return Some(Cause::Saturated);
         }
-        if limits.silence > 0 && self.silence >= limits.silence {
+        // An injection alone ends without a fault: see `Controller`.
+        if driven && limits.silence > 0 && self.silence >= limits.silence {
             return Some(Cause::Silent);
         }
         let (window, _) = self.windows();

@@ -360,6 +360,40 @@ fn silence_is_a_fault_only_while_driven() {
     assert_eq!(bench.cause(), Some(Cause::Silent));
 }
 
+/// An injection ends when nobody has asked for five seconds, whatever its duration; a request
+/// in time keeps it. The loop stays closed, or the legs at rest.
+#[test]
+fn an_injection_ends_when_nobody_asks() {
+    let five = 100_000;
+    let injection = Injection {
+        signal: Signal::Sine { hz: 50.0 },
+        legs: [1.0; LEGS],
+        samples: shared::injection::LONGEST,
+    };
+    for mode in [Mode::Closed, Mode::Idle] {
+        let mut bench = Bench::new(&mut []);
+        match mode {
+            Mode::Closed => bench.reach_closed(),
+            _ => bench.reach_idle(),
+        }
+        bench.run(2 * five);
+        bench.controller.start_injection(injection).unwrap();
+        for _ in 0..3 {
+            bench.run(five - 1);
+            assert!(bench.controller.report().injecting > 0);
+            bench.controller.heard();
+        }
+        bench.run(five);
+        let report = bench.controller.report();
+        assert_eq!((report.injecting, report.fault), (0, None));
+        assert_eq!(report.mode, mode);
+        // The next one is as long as it likes again.
+        bench.controller.start_injection(injection).unwrap();
+        bench.run(five - 1);
+        assert!(bench.controller.report().injecting > 0);
+    }
+}
+
 /// A table with another checksum never leaves safe.
 #[test]
 fn another_table_does_not_run() {

@@ -1,25 +1,29 @@
 //! `host-gen link`.
 
 use std::fmt::{self, Display, Formatter};
+use std::io;
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 use clap::{Args, Subcommand, ValueEnum};
-use host_gen::board::link::{Address, Client};
-use host_gen::board::measure::{FrfError, MeasuredLine, MeasurementSettings, measure, multisine};
+use host_gen::board::link::{Address, Client, LinkError};
+use host_gen::board::measure::{Measurement, MeasurementSettings, measure, multisine};
 use host_gen::board::words::cause;
 use serde::Serialize;
 use shared::LEGS;
 use shared::codes::AdcCode;
-use shared::controller::{ControllerReport, Health, Identity, Restart};
-use shared::injection::{Injection, Signal};
+use shared::controller::{ControllerReport, Health, Identity, Refusal, Restart};
+use shared::injection::{Injection, LONGEST, Signal};
 use shared::link::Request;
 use shared::recorder::{Record, Recorded, Recording, Trigger};
 use shared::supervisor::{LatchedFault, Mode};
 
-use crate::arguments::Format;
+use crate::arguments::{Format, above_zero};
 use crate::failure::Failure;
 use crate::print;
 use crate::search::{Bar, Searcher, study};
+use crate::signals::Signals;
+use crate::waiting::waiting;
 
 #[derive(Args)]
 pub struct LinkArguments {
@@ -44,11 +48,16 @@ enum Action {
     /// Example: host-gen link --at 127.0.0.1:7700 identity
     Identity,
     /// Test sensors and legs: each leg pushes a little, and every sensor must respond as
-    /// the model predicts. Waits for the end.
+    /// the model predicts. Waits for the end; interrupted, it ends the test.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 self-test
     SelfTest,
-    /// Close the loop with a soft start. Waits until it is closed.
+    /// Close the loop with a soft start. Waits until it is closed; interrupted, it opens the
+    /// loop again.
+    ///
+    /// The loop stays closed after the command. Without a further message on the link it
+    /// opens, with a fault, after the time `supervision.silence` of the machine file, unless
+    /// that is 0.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 start
     Start {
@@ -74,12 +83,19 @@ enum Action {
     /// Example: host-gen link --at 127.0.0.1:7700 gain 0.1
     Gain {
         /// Loop gain: above 0 and at most 1.
+        #[arg(value_parser = part, allow_negative_numbers = true)]
         part: f32,
     },
-    /// Add a test signal to a leg.
+    /// Add a test signal to a leg. Waits for its end; interrupted, it ends the signal.
+    ///
+    /// The board ends a test signal by itself if no message has come on the link for 5 s.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 inject --signal sine --leg 1 --amplitude 2 --hz 50 --samples 20000
     Inject(InjectArguments),
+    /// End the test signal, and leave the loop open or closed as it is.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 end-injection
+    EndInjection,
     /// Record samples at the full rate, as CSV on standard output.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 record --after 2000 > record.csv
@@ -93,10 +109,10 @@ enum Action {
     /// Example: host-gen link --at 127.0.0.1:7700 telemetry --every 2000
     Telemetry {
         /// Send every Nth sample.
-        #[arg(long, default_value_t = 200)]
+        #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
         every: u32,
         /// Number of samples to print [default: until the command is stopped].
-        #[arg(long)]
+        #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
         count: Option<u64>,
     },
     /// Show the processor's load, longest step, jitter, unused stack and last restart.
@@ -125,23 +141,26 @@ struct InjectArguments {
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=6))]
     leg: u8,
     /// Amplitude of the test signal, N; of a multisine, the amplitude of each sine.
-    #[arg(long)]
+    #[arg(long, value_parser = above_zero, allow_negative_numbers = true)]
     amplitude: f32,
     /// Length of the test signal, samples.
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(LONGEST)))]
     samples: u32,
     /// Frequency of a sine, or start of a sweep, Hz.
-    #[arg(long, default_value_t = 50.0)]
+    #[arg(long, default_value_t = 50.0, value_parser = above_zero, allow_negative_numbers = true)]
     hz: f32,
     /// End of a sweep, Hz.
-    #[arg(long, default_value_t = 200.0)]
+    #[arg(long, default_value_t = 200.0, value_parser = above_zero, allow_negative_numbers = true)]
     to: f32,
     /// Period of a multisine, samples.
-    #[arg(long, default_value_t = 8192)]
+    #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(256..))]
     period: u32,
     /// Seed of noise.
     #[arg(long, default_value_t = 1)]
     seed: u32,
+    /// Return at once.
+    #[arg(long)]
+    no_wait: bool,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -167,7 +186,7 @@ struct RecordArguments {
     #[arg(long, default_value_t = 0)]
     before: u32,
     /// Number of samples from the trigger on.
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
     after: u32,
 }
 
@@ -193,10 +212,12 @@ struct SendTableArguments {
 struct FrfArguments {
     /// Machine file that the board's table was made from.
     model: PathBuf,
-    /// Amplitude of each sine, N.
-    #[arg(long, default_value_t = 1.0)]
-    amplitude: f64,
-    /// Number of periods to average.
+    /// Amplitude of each sine, N [default: from the model, so that the forces stay within
+    /// half their limits, the sensors within a third of the ADC's range, and both within
+    /// what the supervisor takes for a fault].
+    #[arg(long, allow_negative_numbers = true)]
+    amplitude: Option<f64>,
+    /// Number of periods to average, at least 2.
     #[arg(long, default_value_t = 8)]
     averages: u32,
     /// Number of periods to wait first, until transients have died out.
@@ -208,78 +229,207 @@ struct FrfArguments {
 }
 
 pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failure> {
-    let mut client = Client::connect(&arguments.at)?;
     let format = arguments.format;
+    let connect = || {
+        let _waiting = waiting(format!("waiting for a reply from {}", arguments.at));
+        Client::connect(&arguments.at)
+    };
     match &arguments.action {
-        Action::Status => status(&mut client, format),
+        // What takes long comes before the connection.
+        Action::Table(SendTableArguments {
+            model: Some(model), ..
+        }) => {
+            let table = searcher.design(model, &study(model)?)?.table;
+            let mut client = connect()?;
+            let sending = waiting("waiting until the board has stored the table".to_owned());
+            client.send_table(&table)?;
+            drop(sending);
+            print::result(format, &IdentityView(client.identity()?))
+        }
+        Action::Frf(arguments) => measured(connect, arguments, format, searcher),
+        action => with_board(&mut connect()?, action, format),
+    }
+}
+
+/// The actions that need nothing but the board.
+fn with_board(client: &mut Client, action: &Action, format: Format) -> Result<(), Failure> {
+    match action {
+        Action::Status => status(client, format),
         Action::Identity => print::result(format, &IdentityView(client.identity()?)),
         Action::SelfTest => {
-            client.command(Request::SelfTest)?;
-            client.wait_for(|report| report.mode != Mode::Testing)?;
-            status(&mut client, format)
+            undone(
+                client,
+                "waiting for the end of the self-test",
+                |client| {
+                    client.command(Request::SelfTest)?;
+                    client.wait_for(|report| report.mode != Mode::Testing)
+                },
+                |client| {
+                    client
+                        .command(Request::Stop)
+                        .map(|()| "the self-test is ended")
+                },
+            )?;
+            status(client, format)
         }
-        Action::Start { no_wait } => {
+        Action::Start { no_wait: true } => {
             client.command(Request::Start)?;
-            if !no_wait {
-                client.wait_for(|report| report.mode != Mode::Starting)?;
-            }
-            status(&mut client, format)
+            status(client, format)
+        }
+        Action::Start { no_wait: false } => {
+            undone(
+                client,
+                "waiting until the loop is closed",
+                |client| {
+                    client.command(Request::Start)?;
+                    client.wait_for(|report| report.mode != Mode::Starting)
+                },
+                |client| {
+                    client
+                        .command(Request::Stop)
+                        .map(|()| "the loop is opened again")
+                },
+            )?;
+            status(client, format)
         }
         Action::Stop { no_wait } => {
             client.command(Request::Stop)?;
             if !no_wait {
+                let _waiting = waiting("waiting until the legs are at rest".to_owned());
                 client.wait_for(|report| report.mode != Mode::Stopping)?;
             }
-            status(&mut client, format)
+            status(client, format)
         }
         Action::Clear => {
             client.command(Request::Clear)?;
-            status(&mut client, format)
+            status(client, format)
         }
         Action::Gain { part } => {
             client.command(Request::SetGain(*part))?;
-            status(&mut client, format)
+            status(client, format)
         }
-        Action::Inject(inject) => {
-            client.command(Request::Inject(injection(inject)))?;
-            status(&mut client, format)
+        Action::Inject(arguments) => {
+            inject(client, arguments)?;
+            status(client, format)
         }
-        Action::Record(record) => {
-            let trigger = match record.trigger {
-                TriggerKind::Now => Trigger::Now,
-                TriggerKind::Fault => Trigger::Fault,
-                TriggerKind::Injection => Trigger::Injection,
-                TriggerKind::Rise => Trigger::Rise {
-                    sensor: record.sensor - 1,
-                    level: AdcCode(record.level),
-                },
-            };
-            let (before, after) = (record.before, record.after);
-            let recording = Recording {
-                trigger,
-                before,
-                after,
-            };
-            let (records, _) = client.record(recording)?;
-            csv(&records)
+        Action::EndInjection => {
+            client.end_injection()?;
+            status(client, format)
         }
-        Action::Snapshot => {
-            let records = client.records(Request::Snapshot)?;
-            csv(&records)
-        }
-        Action::Telemetry { every, count } => telemetry(&mut client, *every, *count),
+        Action::Record(arguments) => csv(&record(client, arguments)?),
+        Action::Snapshot => csv(&client.records(Request::Snapshot)?),
+        Action::Telemetry { every, count } => telemetry(client, *every, *count),
         Action::Health => print::result(format, &HealthView(client.health()?)),
-        Action::Table(table) => {
-            match &table.model {
-                Some(model) => {
-                    let study = study(model)?;
-                    client.send_table(&searcher.design(model, &study)?.table)?;
-                }
-                None => client.command(Request::Forget)?,
-            }
+        Action::Table(_) => {
+            client.command(Request::Forget)?;
             print::result(format, &IdentityView(client.identity()?))
         }
-        Action::Frf(arguments) => measured(&mut client, arguments, format, searcher),
+        Action::Frf(_) => unreachable!("it needs the model, too"),
+    }
+}
+
+/// Does `work`, which begins something on the board. If a signal ends the program meanwhile,
+/// `undo` ends that on the board, too, and says so.
+fn undone<T, E: Into<Failure>>(
+    client: &mut Client,
+    wait: &str,
+    work: impl FnOnce(&mut Client) -> Result<T, E>,
+    undo: impl FnOnce(&mut Client) -> Result<&'static str, LinkError>,
+) -> Result<T, Failure> {
+    let signals = Signals::catch().map_err(|error| Failure::Io {
+        path: "signals".to_owned(),
+        what: "caught",
+        error,
+    })?;
+    client.stop_when(signals.came.clone());
+    let waiting = waiting(wait.to_owned());
+    let outcome = work(client).map_err(Into::into);
+    drop(waiting);
+    match outcome {
+        Err(Failure::Link(LinkError::Interrupted)) => Err(Failure::Interrupted {
+            board: match client.uninterrupted(undo) {
+                Ok(board) => board.to_owned(),
+                Err(error) => format!("what was begun on the board could not be ended: {error}"),
+            },
+            code: signals.exit_code(),
+        }),
+        outcome => outcome,
+    }
+}
+
+/// Ends the test signal, for [`undone`].
+fn end_injection(client: &mut Client) -> Result<&'static str, LinkError> {
+    client.end_injection().map(|_| "the test signal is ended")
+}
+
+fn inject(client: &mut Client, arguments: &InjectArguments) -> Result<(), Failure> {
+    let highest = 0.5 * client.identity()?.sample_rate;
+    let sines: &[(&str, f32)] = match arguments.signal {
+        SignalKind::Sine => &[("--hz", arguments.hz)],
+        SignalKind::Sweep => &[("--hz", arguments.hz), ("--to", arguments.to)],
+        SignalKind::Multisine | SignalKind::Noise => &[],
+    };
+    for &(option, hz) in sines {
+        if hz > highest {
+            let must = format!("be at most {highest} Hz, half the board's sample rate");
+            return Err(Failure::Setting { option, must });
+        }
+    }
+    let begin = |client: &mut Client| match client.command(Request::Inject(injection(arguments))) {
+        // The host has checked all other numbers.
+        Err(LinkError::Refused(Refusal::Range)) => Err(Failure::Setting {
+            option: "--amplitude",
+            must: format!(
+                "be lower: the test signal could exceed the force limit of leg {}",
+                arguments.leg
+            ),
+        }),
+        other => Ok(other?),
+    };
+    if arguments.no_wait {
+        return begin(client);
+    }
+    let wait = "waiting for the end of the test signal";
+    let work = |client: &mut Client| {
+        begin(client)?;
+        client.wait_for(|report| report.injecting == 0)?;
+        Ok::<_, Failure>(())
+    };
+    undone(client, wait, work, end_injection)
+}
+
+fn record(client: &mut Client, arguments: &RecordArguments) -> Result<Vec<Record>, Failure> {
+    let room = client.identity()?.room;
+    let (before, after) = (arguments.before, arguments.after);
+    if u64::from(before) + u64::from(after) > u64::from(room) {
+        return Err(Failure::Setting {
+            option: "--before and --after",
+            must: format!("be at most {room} together, the records in the board's recorder"),
+        });
+    }
+    let trigger = match arguments.trigger {
+        TriggerKind::Now => Trigger::Now,
+        TriggerKind::Fault => Trigger::Fault,
+        TriggerKind::Injection => Trigger::Injection,
+        TriggerKind::Rise => Trigger::Rise {
+            sensor: arguments.sensor - 1,
+            level: AdcCode(arguments.level),
+        },
+    };
+    let _waiting = waiting("waiting for the trigger and the recording".to_owned());
+    let recording = Recording {
+        trigger,
+        before,
+        after,
+    };
+    Ok(client.record(recording)?.0)
+}
+
+/// Parses a loop gain.
+fn part(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(part) if part > 0.0 && part <= 1.0 => Ok(part),
+        _ => Err("must be above 0 and at most 1".to_owned()),
     }
 }
 
@@ -420,35 +570,58 @@ impl Display for HealthView {
     }
 }
 
+/// Time between two questions whether the board is still there, while it sends telemetry.
+const ALIVE: Duration = Duration::from_secs(1);
+
 fn telemetry(client: &mut Client, every: u32, count: Option<u64>) -> Result<(), Failure> {
-    client.command(Request::Telemetry(every))?;
-    let mut table = csv::Writer::from_writer(std::io::stdout());
-    let mut printed = 0;
-    while count.is_none_or(|count| printed < count) {
-        if let Some(telemetry) = client.telemetry()? {
-            if printed == 0 {
-                row(&mut table, ["at", "mode", "gain", "clamped"], columns())?;
+    let off = |client: &mut Client| client.command(Request::Telemetry(0));
+    let work = |client: &mut Client| {
+        client.command(Request::Telemetry(every))?;
+        let mut table = csv::Writer::from_writer(io::stdout());
+        let mut printed = 0;
+        let mut asked = Instant::now();
+        while count.is_none_or(|count| printed < count) {
+            if asked.elapsed() > ALIVE {
+                client.report()?;
+                asked = Instant::now();
             }
+            let Some(telemetry) = client.telemetry()? else {
+                continue;
+            };
             let front = [
                 telemetry.at.to_string(),
                 format!("{:?}", telemetry.mode),
                 telemetry.gain.to_string(),
                 telemetry.status.clamped.to_string(),
             ];
-            row(&mut table, front, codes(&telemetry.record))?;
+            let head = ["at", "mode", "gain", "clamped"];
+            let mut shown = Ok(());
+            if printed == 0 {
+                shown = row(&mut table, head, columns());
+            }
+            shown = shown.and_then(|()| row(&mut table, front, codes(&telemetry.record)));
+            if shown.is_err() {
+                off(client)?;
+                return print::written(shown);
+            }
             printed += 1;
         }
-    }
-    Ok(client.command(Request::Telemetry(0))?)
+        Ok::<_, Failure>(off(client)?)
+    };
+    let wait = "waiting for telemetry";
+    undone(client, wait, work, |client| {
+        off(client).map(|()| "telemetry is off")
+    })
 }
 
 fn csv(records: &[Record]) -> Result<(), Failure> {
-    let mut table = csv::Writer::from_writer(std::io::stdout());
-    row(&mut table, [] as [&str; 0], columns())?;
+    let mut table = csv::Writer::from_writer(io::stdout());
+    let none = || [] as [&str; 0];
+    let mut written = row(&mut table, none(), columns());
     for record in records {
-        row(&mut table, [] as [&str; 0], codes(record))?;
+        written = written.and_then(|()| row(&mut table, none(), codes(record)));
     }
-    Ok(())
+    print::written(written)
 }
 
 /// The names of the columns with a record's codes.
@@ -465,62 +638,51 @@ fn codes(record: &Record) -> impl Iterator<Item = String> {
 
 /// Writes a row and flushes it: a reader may wait for it.
 fn row<const N: usize, T: Into<String>>(
-    table: &mut csv::Writer<std::io::Stdout>,
+    table: &mut csv::Writer<io::Stdout>,
     front: [T; N],
     codes: impl Iterator<Item = String>,
-) -> Result<(), Failure> {
-    let row = front.into_iter().map(T::into).chain(codes);
-    let written = table.write_record(row).map_err(std::io::Error::from);
-    written
-        .and_then(|()| table.flush())
-        .map_err(|error| Failure::Io {
-            path: "standard output".to_owned(),
-            what: "written",
-            error,
-        })
+) -> io::Result<()> {
+    table.write_record(front.into_iter().map(T::into).chain(codes))?;
+    table.flush()
 }
-
-/// Shortest period of a measurement, samples: the multisine's lines lie below half of it.
-const SHORTEST: u32 = 512;
 
 #[derive(Serialize)]
-struct FrfView {
-    lines: Vec<MeasuredLine>,
-}
+struct FrfView(Measurement);
 
 fn measured(
-    client: &mut Client,
+    connect: impl FnOnce() -> Result<Client, LinkError>,
     arguments: &FrfArguments,
     format: Format,
     searcher: &Searcher,
 ) -> Result<(), Failure> {
-    if !arguments.period.is_power_of_two() || arguments.period < SHORTEST {
-        return Err(Failure::Period(SHORTEST));
-    }
-    let study = study(&arguments.model)?;
-    let table = searcher.design(&arguments.model, &study)?.table;
     let settings = MeasurementSettings {
         period: arguments.period,
-        averages: arguments.averages.max(1),
+        averages: arguments.averages,
         settling: arguments.settling,
         amplitude: arguments.amplitude,
     };
+    settings.check()?;
+    let study = study(&arguments.model)?;
+    let table = searcher.design(&arguments.model, &study)?.table;
+    let mut client = connect()?;
     let bar = Bar::of(LEGS * settings.averages as usize);
-    let lines = measure(client, &study, &table, &settings, &bar);
+    let periods = LEGS as u64 * (u64::from(settings.settling) + u64::from(settings.averages));
+    let seconds =
+        (periods * u64::from(settings.period)) as f64 / f64::from(table.get().sample_rate);
+    let wait = format!("measuring leg by leg: {seconds:.0} s of signals, and the time of the link");
+    let work = |client: &mut Client| measure(client, &study, &table, &settings, &bar);
+    let measurement = undone(&mut client, &wait, work, end_injection);
     drop(bar);
-    let lines = lines.map_err(|error| match error {
-        FrfError::Link(error) => Failure::Link(error),
-        error => Failure::Frf(error),
-    })?;
-    print::result(format, &FrfView { lines })
+    print::result(format, &FrfView(measurement?))
 }
 
 impl Display for FrfView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let closed = self.lines.iter().any(|line| line.sensitivity.is_some());
+        let Measurement { amplitude, lines } = &self.0;
+        let closed = lines.iter().any(|line| line.sensitivity.is_some());
         writeln!(
             f,
-            "Plant measured with the loop {}: difference from the model, and the difference expected from noise\n      Hz  diff., %   noise, %   coherence{}",
+            "Plant measured with the loop {}, {amplitude} N per sine: difference from the model, and the difference expected from noise\n      Hz  diff., %   noise, %   coherence{}",
             if closed { "closed" } else { "open" },
             if closed {
                 "   sensitivity      of model"
@@ -528,7 +690,7 @@ impl Display for FrfView {
                 ""
             }
         )?;
-        for line in &self.lines {
+        for line in lines {
             write!(
                 f,
                 "  {:>6.1}  {:>8.3}   {:>8.3}   {:>9.6}",

@@ -3,7 +3,7 @@
 use clap::Args;
 use host_gen::analysis::robustness::{RobustnessAnalysis, monte_carlo};
 
-use crate::arguments::{Common, within};
+use crate::arguments::{Common, count};
 use crate::failure::{Failure, in_study};
 use crate::print;
 use crate::search::{Bar, Searcher, study, warnings};
@@ -12,8 +12,8 @@ use crate::search::{Bar, Searcher, study, warnings};
 pub struct RobustArguments {
     #[command(flatten)]
     common: Common,
-    /// Number of perturbed machines [default: from the file].
-    #[arg(long)]
+    /// Number of perturbed machines, 1 to 1000000 [default: from the file].
+    #[arg(long, value_parser = count(1, 1_000_000))]
     samples: Option<usize>,
     /// Seed of the random numbers [default: from the file].
     #[arg(long)]
@@ -26,10 +26,6 @@ pub fn robust(arguments: &RobustArguments, searcher: &Searcher) -> Result<(), Fa
     // The search uses the settings of the file.
     let mut settings = study.machine().robustness.clone();
     if let Some(samples) = arguments.samples {
-        if samples == 0 {
-            return Err(Failure::Option("samples"));
-        }
-        within("samples", samples as f64, "robustness.samples")?;
         settings.samples = samples;
     }
     if let Some(seed) = arguments.seed {

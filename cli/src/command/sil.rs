@@ -19,7 +19,7 @@ pub struct SilArguments {
     /// HOST:PORT to listen on; with port 0, a free port is taken.
     #[arg(long, default_value = "127.0.0.1:7700")]
     listen: String,
-    /// Run as fast as possible, not in real time.
+    /// While a host is connected, run as fast as possible, not in real time.
     #[arg(long)]
     fast: bool,
 }
@@ -30,6 +30,9 @@ const ROOM: usize = 16_384;
 /// Samples between two checks of the connection: 5 ms at 20 kHz.
 const BATCH: u32 = 100;
 
+/// Longest wait for a host to read what is sent.
+const UNREAD: Duration = Duration::from_secs(1);
+
 pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure> {
     let failed = |error| Failure::Io {
         path: arguments.listen.clone(),
@@ -37,27 +40,36 @@ pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure>
         error,
     };
     let study = study(&arguments.model)?;
+    // An address that cannot be used is told at once. It is not kept meanwhile: a host that
+    // asks too early is refused and does not wait for a reply.
+    drop(TcpListener::bind(&arguments.listen).map_err(failed)?);
+    let model = arguments.model.display();
+    let _ = writeln!(
+        io::stderr(),
+        "designing the controller of {model}; the link is open from \"listening on\" on"
+    );
+    let table = searcher.design(&arguments.model, &study)?.table;
     let listener = TcpListener::bind(&arguments.listen).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
-    let table = searcher.design(&arguments.model, &study)?.table;
     let mut room = vec![Record::NONE; ROOM];
     let mut sil = SoftwareBoard::new(&study, &table, &mut room);
     // A script that started this program may wait for this line.
     println!("listening on {}", listener.local_addr().map_err(failed)?);
     io::stdout().flush().map_err(failed)?;
     let mut host: Option<TcpStream> = None;
-    let rate = f64::from(table.get().sample_rate);
-    let start = Instant::now();
-    let mut samples = 0u64;
+    let batch = Duration::from_secs_f64(f64::from(BATCH) / f64::from(table.get().sample_rate));
+    let mut due = Instant::now();
     loop {
         for _ in 0..BATCH {
             sil.sample();
         }
-        samples += u64::from(BATCH);
+        due += batch;
         if let Ok((stream, _)) = listener.accept() {
             // The latest connection is served.
             stream.set_nonblocking(true).map_err(failed)?;
             stream.set_nodelay(true).map_err(failed)?;
+            // A host that does not read is left, like one that is gone.
+            stream.set_write_timeout(Some(UNREAD)).map_err(failed)?;
             host = Some(stream);
         }
         if let Some(stream) = &mut host
@@ -65,10 +77,13 @@ pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure>
         {
             host = None;
         }
-        if !arguments.fast {
-            let due = Duration::from_secs_f64(samples as f64 / rate);
-            std::thread::sleep(due.saturating_sub(start.elapsed()));
+        let now = Instant::now();
+        if arguments.fast && host.is_some() {
+            due = now;
         }
+        // Between two hosts in real time: what the board does when nobody asks is measured
+        // in seconds.
+        std::thread::sleep(due.saturating_duration_since(now));
     }
 }
 

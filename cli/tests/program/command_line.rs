@@ -72,7 +72,7 @@ fn generate_check_and_generate_again() {
     assert!(check().status.success());
     fs::write(&table, first.replace("leak: ", "leak: 1")).unwrap();
     let stale = check();
-    assert!(!stale.status.success());
+    assert_eq!(stale.status.code(), Some(1));
     let error = text(&stale.stderr);
     assert!(
         error.contains("leak: 1") && error.contains("host-gen generate"),
@@ -85,11 +85,18 @@ fn generate_check_and_generate_again() {
 fn check_needs_a_table() {
     let folder = tempfile::tempdir().unwrap();
     let model = quick_model(folder.path());
-    let output = host_gen(&["check", &model, "--table", "none.rs"], folder.path());
-    assert!(!output.status.success());
-    assert!(text(&output.stderr).contains("none.rs: cannot be read"));
-    let output = host_gen(&["check", &model], folder.path());
-    assert!(text(&output.stderr).contains("use --table PATH"));
+    // An error is told apart from a table that differs.
+    let refused = |arguments: &[&str]| {
+        let output = host_gen(arguments, folder.path());
+        assert_eq!(output.status.code(), Some(2));
+        text(&output.stderr)
+    };
+    let error = refused(&["check", &model, "--table", "none.rs"]);
+    assert!(error.contains("none.rs: cannot be read"), "{error}");
+    let error = refused(&["check", &model]);
+    assert!(error.contains("use --table PATH"), "{error}");
+    let error = refused(&["check", "none.toml", "--table", "none.rs"]);
+    assert!(error.contains("none.toml"), "{error}");
 }
 
 /// A target out of reach: one line, and the old table is left as it was.
@@ -221,7 +228,8 @@ fn a_bad_file_is_one_line_and_exit_1() {
     .unwrap();
     for command in ["modes", "gains", "generate", "check", "simulate"] {
         let output = host_gen(&[command, "bad.toml"], folder.path());
-        assert_eq!(output.status.code(), Some(1), "{command}");
+        let code = if command == "check" { 2 } else { 1 };
+        assert_eq!(output.status.code(), Some(code), "{command}");
         assert!(output.stdout.is_empty());
         let error = text(&output.stderr);
         assert_eq!(error.lines().count(), 1, "{error}");
@@ -268,6 +276,18 @@ fn analysis_commands() {
     for bad in [["--from", "0"], ["--to", "0.01"], ["--at", "1,-1"]] {
         let output = host_gen(&["sigma", &model, bad[0], bad[1]], folder.path());
         assert_eq!(output.status.code(), Some(1), "{bad:?}");
+    }
+    for bad in [
+        ["sigma", "--points", "0"],
+        ["sigma", "--points", "1"],
+        ["sigma", "--points", "100000000000"],
+        ["robust", "--samples", "0"],
+        ["robust", "--samples", "18446744073709551615"],
+    ] {
+        let output = host_gen(&[bad[0], &model, bad[1], bad[2]], folder.path());
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{error}");
+        assert!(error.contains(bad[1]) && error.contains(bad[2]), "{error}");
     }
 
     let plant = run(&["plant", &model, "--matrix-market", "out/g"]);

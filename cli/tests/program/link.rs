@@ -24,6 +24,7 @@ impl Board {
             .arg(model_path())
             .args(["--listen", "127.0.0.1:0", "--fast"])
             .stdout(Stdio::piped())
+            .stderr(Stdio::null())
             .spawn()
             .unwrap();
         let mut line = String::new();
@@ -70,9 +71,11 @@ fn a_session_over_tcp() {
         period: 8192,
         averages: 6,
         settling: 30,
-        amplitude: 1.0,
+        amplitude: None,
     };
-    let lines = measure(&mut client, &study, &table, &settings, &()).unwrap();
+    let lines = measure(&mut client, &study, &table, &settings, &())
+        .unwrap()
+        .lines;
     assert_eq!(lines.len(), 64);
     for line in &lines {
         // Of 36 entries with six averages each: three times is a wide bound.
@@ -111,6 +114,176 @@ fn a_session_over_tcp() {
     // Another session ends this one.
     let mut other = Client::connect(&board.1).unwrap();
     other.report().unwrap();
+}
+
+fn kill(process: &Child, signal: &str) {
+    let mut kill = Command::new("kill");
+    let kill = kill.args([signal, &process.id().to_string()]);
+    assert!(kill.status().unwrap().success());
+}
+
+/// Every signal that ends a command ends on the board what the command has begun, and says so;
+/// exit codes are those of shells.
+#[test]
+#[cfg(unix)]
+fn signals_end_what_was_begun() {
+    let board = Board::start();
+    let at = board.1.to_string();
+    let link = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_host-gen"));
+        command.args(["link", "--at", &at]).args(arguments);
+        command
+    };
+    let test = link(&["self-test"]).output().unwrap();
+    assert!(test.status.success(), "{test:?}");
+    let signal = [
+        "inject",
+        "--signal",
+        "sine",
+        "--leg",
+        "2",
+        "--amplitude",
+        "1",
+    ];
+    let long = [&signal[..], &["--samples", "12000000"]].concat();
+    for (name, code) in [("-INT", 130), ("-TERM", 143), ("-HUP", 129)] {
+        let mut process = link(&long)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(process.stderr.take().unwrap()).lines();
+        let waits = said.next().unwrap().unwrap();
+        assert_eq!(waits, "waiting for the end of the test signal");
+        kill(&process, name);
+        assert_eq!(process.wait().unwrap().code(), Some(code), "{name}");
+        let end = said.next().unwrap().unwrap();
+        assert_eq!(end, "error: interrupted; the test signal is ended");
+        let mut client = Client::connect(&board.1).unwrap();
+        assert_eq!(client.report().unwrap().injecting, 0, "{name}");
+    }
+
+    // One that is left behind is ended by a command of its own, with the loop closed too.
+    let start = link(&["start"]).output().unwrap();
+    assert!(start.status.success(), "{start:?}");
+    let left = [&signal[..], &["--samples", "12000000", "--no-wait"]].concat();
+    let json = |arguments: &[&str]| -> serde_json::Value {
+        let output = link(arguments).args(["--format", "json"]).output().unwrap();
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    assert!(json(&left)["injecting"].as_u64().unwrap() > 0);
+    let after = json(&["end-injection"]);
+    assert_eq!(
+        (&after["injecting"], &after["mode"]),
+        (&0.into(), &"Closed".into())
+    );
+}
+
+/// What is out of range is refused by its own name, before anything is asked of a board.
+#[test]
+fn numbers_out_of_range() {
+    let inject = [
+        "inject",
+        "--signal",
+        "multisine",
+        "--leg",
+        "1",
+        "--samples",
+        "9",
+    ];
+    let model = model_path();
+    let frf = ["frf", model.to_str().unwrap()];
+    let cases: [(&[&str], &[&str], &str); 19] = [
+        (&frf, &["--averages", "1"], "--averages must be at least 2"),
+        (&frf, &["--averages", "0"], "--averages must be at least 2"),
+        (
+            &frf,
+            &["--averages", "4000000000"],
+            "--settling must with --averages be at most 1464",
+        ),
+        (
+            &frf,
+            &["--settling", "4000000000"],
+            "--settling must with --averages be at most 1464",
+        ),
+        (
+            &frf,
+            &["--period", "1000"],
+            "--period must be a power of two and at least 512",
+        ),
+        (
+            &frf,
+            &["--period", "256"],
+            "--period must be a power of two and at least 512",
+        ),
+        (&frf, &["--amplitude", "0"], "--amplitude must be above 0 N"),
+        (
+            &frf,
+            &["--amplitude", "-1"],
+            "--amplitude must be above 0 N",
+        ),
+        (
+            &frf,
+            &["--amplitude", "nan"],
+            "--amplitude must be above 0 N",
+        ),
+        (
+            &frf,
+            &["--amplitude", "inf"],
+            "--amplitude must be above 0 N",
+        ),
+        (&inject, &["--amplitude", "0"], "must be a number above 0"),
+        (
+            &inject,
+            &["--amplitude", "1e39"],
+            "must be a number above 0",
+        ),
+        (&inject, &["--amplitude", "1", "--period", "1"], "--period"),
+        (&["gain"], &["nan"], "must be above 0 and at most 1"),
+        (&["gain"], &["-1"], "must be above 0 and at most 1"),
+        (&["gain"], &["2"], "must be above 0 and at most 1"),
+        (&["telemetry"], &["--every", "0"], "--every"),
+        (&["telemetry"], &["--count", "0"], "--count"),
+        (&["record"], &["--after", "0"], "--after"),
+    ];
+    for (command, numbers, said) in cases {
+        let output = Command::new(env!("CARGO_BIN_EXE_host-gen"))
+            // Nothing listens on the port.
+            .args(["link", "--at", "127.0.0.1:1"])
+            .args(command)
+            .args(numbers)
+            .output()
+            .unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            !output.status.success() && error.contains(said),
+            "{numbers:?}: {error}"
+        );
+    }
+}
+
+/// A reader that has enough, as `head`: nothing is said, and the command has succeeded.
+#[test]
+#[cfg(unix)]
+fn a_closed_pipe_is_no_error() {
+    let board = Board::start();
+    for command in ["telemetry --every 10", "record --after 5000"] {
+        let script = format!(
+            "\"$0\" link --at {} {command} | head -n 1; exit ${{PIPESTATUS[0]}}",
+            board.1
+        );
+        let output = Command::new("bash")
+            .args(["-c", &script, env!("CARGO_BIN_EXE_host-gen")])
+            .output()
+            .unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            output.status.success() && error.is_empty(),
+            "{command}: {error}"
+        );
+        let head = String::from_utf8(output.stdout).unwrap();
+        assert!(head.contains("sensor1"), "{head}");
+    }
 }
 
 /// The program in Python that was written from `docs/link.md`.

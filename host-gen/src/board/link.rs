@@ -2,12 +2,17 @@
 
 use std::collections::VecDeque;
 use std::fmt;
-use std::io::{self, BufReader, Read, Write};
-use std::net::TcpStream;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs as _};
 use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
 use std::time::{Duration, Instant, SystemTime};
 
+use shared::LEGS;
 use shared::controller::{ControllerReport, Health, Identity, Refusal, Telemetry};
+use shared::injection::{Injection, Signal};
 use shared::link::upload::PIECE;
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recorded, Recording};
@@ -56,9 +61,27 @@ pub enum LinkError {
         /// Error of the operating system.
         error: io::Error,
     },
-    /// The board did not reply in time.
+    /// The board did not reply in time, and nothing else arrived.
     #[error("{0}: no reply within {SILENCE:?}; check the address, and that the board runs")]
     Silent(Address),
+    /// Bytes arrived, but not the reply in time.
+    #[error(
+        "{at}: {bytes} bytes arrived within {SILENCE:?}, but no reply among them; check that this is the link of a board, its wiring, and that no other program uses it"
+    )]
+    Noise {
+        /// Address of the board.
+        at: Address,
+        /// Number of bytes that arrived.
+        bytes: u64,
+    },
+    /// The board replies, but takes no samples.
+    #[error(
+        "{0}: the board replies, but has taken no sample for {SILENCE:?}; check its converters and its clock"
+    )]
+    Standing(Address),
+    /// What [`Client::stop_when`] was given has become true.
+    #[error("interrupted")]
+    Interrupted,
     /// The board refused the request.
     #[error("the board refuses the request: {}", reason(*.0))]
     Refused(Refusal),
@@ -67,8 +90,12 @@ pub enum LinkError {
     Answer,
 }
 
-/// Longest wait for a reply.
+/// Longest wait for a connection, and for a whole reply.
 const SILENCE: Duration = Duration::from_secs(5);
+
+/// Longest wait of a single read or write: so often, deadlines and interruptions are looked
+/// at.
+const PATIENCE: Duration = Duration::from_millis(20);
 
 /// A byte stream: a serial port or a TCP connection.
 trait ByteStream: Read + Write {}
@@ -82,6 +109,61 @@ pub struct Client {
     session: u32,
     sequence: u32,
     telemetry: VecDeque<Telemetry>,
+    /// Bytes that have arrived.
+    bytes: u64,
+    stop: Option<Arc<AtomicBool>>,
+}
+
+/// Whether a read or write only took longer than [`PATIENCE`], or a signal came.
+fn is_pause(error: &io::Error) -> bool {
+    use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+    matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
+}
+
+/// Opens a TCP connection.
+fn dial(name: &str) -> io::Result<TcpStream> {
+    let mut failed = io::Error::other("the name has no address");
+    for address in name.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, SILENCE) {
+            Ok(stream) => {
+                stream.set_read_timeout(Some(PATIENCE))?;
+                stream.set_write_timeout(Some(PATIENCE))?;
+                stream.set_nodelay(true)?;
+                return Ok(stream);
+            }
+            Err(error) => failed = error,
+        }
+    }
+    Err(failed)
+}
+
+/// The byte stream to `at`. A name server, a host or a driver that does not answer is left
+/// alone after [`SILENCE`].
+fn open(at: &Address) -> Result<Box<dyn ByteStream>, LinkError> {
+    let (sender, opened) = mpsc::channel();
+    let address = at.clone();
+    std::thread::spawn(move || {
+        let line = match &address {
+            Address::Tcp(name) => {
+                dial(name).map(|line| Box::new(line) as Box<dyn ByteStream + Send>)
+            }
+            Address::Serial(name) => {
+                let port = serialport::new(name, 921_600).timeout(PATIENCE).open();
+                port.map(|line| Box::new(line) as _)
+                    .map_err(io::Error::from)
+            }
+        };
+        // Nobody waits any more after a time-out.
+        let _ = sender.send(line);
+    });
+    match opened.recv_timeout(SILENCE) {
+        Ok(Ok(line)) => Ok(line),
+        Ok(Err(error)) if error.kind() != io::ErrorKind::TimedOut => Err(LinkError::Line {
+            at: at.clone(),
+            error,
+        }),
+        Ok(Err(_)) | Err(_) => Err(LinkError::Silent(at.clone())),
+    }
 }
 
 impl Client {
@@ -90,34 +172,18 @@ impl Client {
     /// # Errors
     /// [`LinkError`] if the port cannot be opened or the board does not reply.
     pub fn connect(at: &Address) -> Result<Self, LinkError> {
-        let failed = |error: io::Error| LinkError::Line {
-            at: at.clone(),
-            error,
-        };
-        // Short, so that the total waiting time can be checked.
-        let patience = Duration::from_millis(20);
-        let line: Box<dyn ByteStream> = match at {
-            Address::Tcp(name) => {
-                let stream = TcpStream::connect(name).map_err(failed)?;
-                stream.set_read_timeout(Some(patience)).map_err(failed)?;
-                stream.set_nodelay(true).map_err(failed)?;
-                Box::new(stream)
-            }
-            Address::Serial(name) => {
-                let port = serialport::new(name, 921_600).timeout(patience).open();
-                Box::new(port.map_err(|error| failed(error.into()))?)
-            }
-        };
         let mut client = Self {
-            line: BufReader::new(line),
+            line: BufReader::new(open(at)?),
             at: at.clone(),
             cutter: Cutter::new(),
             session: 0,
             sequence: 0,
             telemetry: VecDeque::new(),
+            bytes: 0,
+            stop: None,
         };
         // Ends a frame that another program may have left incomplete.
-        client.line.get_mut().write_all(&[0]).map_err(failed)?;
+        client.send(&[0], Instant::now() + SILENCE)?;
         // It only has to differ from one session to the next.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         let nonce = now.map_or(0, |time| time.as_nanos() as u32 ^ std::process::id());
@@ -125,6 +191,46 @@ impl Client {
             Reply::Hello => Ok(client),
             _ => Err(LinkError::Answer),
         }
+    }
+
+    /// From now on, everything but [`Client::end_injection`] ends with
+    /// [`LinkError::Interrupted`] once `stop` is true.
+    pub fn stop_when(&mut self, stop: Arc<AtomicBool>) {
+        self.stop = Some(stop);
+    }
+
+    /// What `wind_up` does with the client is not interrupted.
+    pub fn uninterrupted<T>(&mut self, wind_up: impl FnOnce(&mut Self) -> T) -> T {
+        let stop = self.stop.take();
+        let outcome = wind_up(self);
+        self.stop = stop;
+        outcome
+    }
+
+    /// Fails if the client is to stop.
+    fn go_on(&self) -> Result<(), LinkError> {
+        let stop = self.stop.as_ref();
+        match stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            true => Err(LinkError::Interrupted),
+            false => Ok(()),
+        }
+    }
+
+    /// Writes all bytes before `deadline`.
+    fn send(&mut self, mut bytes: &[u8], deadline: Instant) -> Result<(), LinkError> {
+        while !bytes.is_empty() {
+            match self.line.get_mut().write(bytes) {
+                Ok(0) => return Err(self.failed(io::ErrorKind::WriteZero.into())),
+                Ok(count) => bytes = &bytes[count..],
+                Err(error) if is_pause(&error) => {}
+                Err(error) => return Err(self.failed(error)),
+            }
+            if !bytes.is_empty() && Instant::now() > deadline {
+                return Err(LinkError::Silent(self.at.clone()));
+            }
+            self.go_on()?;
+        }
+        Ok(())
     }
 
     /// Sends a request and waits for the reply. Telemetry that arrives before the reply
@@ -143,15 +249,17 @@ impl Client {
             body: request,
         };
         let frame = encode(&packet).expect("requests are shorter than a frame");
-        let sent = self.line.get_mut().write_all(&frame);
-        sent.map_err(|error| self.failed(error))?;
-        let start = Instant::now();
+        self.go_on()?;
+        let deadline = Instant::now() + SILENCE;
+        let before = self.bytes;
+        self.send(&frame, deadline)?;
         loop {
-            if start.elapsed() > SILENCE {
-                return Err(LinkError::Silent(self.at.clone()));
-            }
-            let Some(reply) = self.receive()? else {
-                continue;
+            let Some(reply) = self.receive(deadline)? else {
+                let at = self.at.clone();
+                return Err(match self.bytes - before {
+                    0 => LinkError::Silent(at),
+                    bytes => LinkError::Noise { at, bytes },
+                });
             };
             if let Reply::Telemetry(telemetry) = reply.body {
                 self.keep(reply.session, telemetry);
@@ -188,40 +296,44 @@ impl Client {
         }
     }
 
-    /// The next packet; none if nothing arrived within the read timeout.
-    fn receive(&mut self) -> Result<Option<Packet<Reply>>, LinkError> {
-        let mut byte = [0; 1];
+    /// The next packet; none if there was none before `deadline`, whatever else arrives.
+    fn receive(&mut self, deadline: Instant) -> Result<Option<Packet<Reply>>, LinkError> {
         loop {
-            match self.line.read(&mut byte) {
-                Ok(0) => {
-                    let error = io::Error::from(io::ErrorKind::UnexpectedEof);
-                    return Err(self.failed(error));
+            self.go_on()?;
+            let read = match self.line.fill_buf() {
+                Ok([]) => Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(bytes) => {
+                    // A malformed frame is ignored; its request then times out.
+                    let mut packet = None;
+                    let mut taken = 0;
+                    for byte in bytes {
+                        taken += 1;
+                        packet = self.cutter.push(*byte).and_then(Result::ok);
+                        if packet.is_some() {
+                            break;
+                        }
+                    }
+                    Ok((taken, packet))
                 }
-                Ok(_) => {}
-                Err(error)
-                    if matches!(
-                        error.kind(),
-                        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut
-                    ) =>
-                {
-                    return Ok(None);
-                }
-                Err(error) => return Err(self.failed(error)),
-            }
-            // A malformed frame is ignored; its request then times out.
-            if let Some(Ok(packet)) = self.cutter.push(byte[0]) {
-                return Ok(Some(packet));
+                Err(error) if is_pause(&error) => Ok((0, None)),
+                Err(error) => Err(error),
+            };
+            let (taken, packet) = read.map_err(|error| self.failed(error))?;
+            self.line.consume(taken);
+            self.bytes += taken as u64;
+            if packet.is_some() || Instant::now() > deadline {
+                return Ok(packet);
             }
         }
     }
 
-    /// The next telemetry packet; none if none arrived within the read timeout of 20 ms.
+    /// The next telemetry packet; none if none arrived within 20 ms.
     ///
     /// # Errors
     /// [`LinkError`] if the connection fails.
     pub fn telemetry(&mut self) -> Result<Option<Telemetry>, LinkError> {
         if self.telemetry.is_empty()
-            && let Some(packet) = self.receive()?
+            && let Some(packet) = self.receive(Instant::now() + PATIENCE)?
             && let Reply::Telemetry(telemetry) = packet.body
         {
             self.keep(packet.session, telemetry);
@@ -274,6 +386,30 @@ impl Client {
         }
     }
 
+    /// Ends the test signal and leaves the loop as it is. Says whether there was one. It is
+    /// carried out even if the client is to stop.
+    ///
+    /// # Errors
+    /// As [`Client::ask`].
+    pub fn end_injection(&mut self) -> Result<bool, LinkError> {
+        // A zero signal replaces it; the mode stays as it is.
+        let nothing = Injection {
+            signal: Signal::Noise { seed: 0 },
+            legs: [0.0; LEGS],
+            samples: 1,
+        };
+        self.uninterrupted(|client| {
+            if client.report()?.injecting == 0 {
+                return Ok(false);
+            }
+            match client.command(Request::Inject(nothing)) {
+                // Meanwhile the mode has changed, which ends a test signal.
+                Ok(()) | Err(LinkError::Refused(Refusal::Mode)) => Ok(true),
+                Err(error) => Err(error),
+            }
+        })
+    }
+
     /// Sends a table. The board validates it, stores it and runs it.
     ///
     /// # Errors
@@ -291,15 +427,21 @@ impl Client {
     /// Asks for reports until `is` holds for one, and returns it.
     ///
     /// # Errors
-    /// As [`Client::ask`].
+    /// As [`Client::ask`]; [`LinkError::Standing`] if the board's samples stand still.
     pub fn wait_for(
         &mut self,
         is: impl Fn(&ControllerReport) -> bool,
     ) -> Result<ControllerReport, LinkError> {
+        let (mut last, mut since) = (None, Instant::now());
         loop {
             let report = self.report()?;
             if is(&report) {
                 return Ok(report);
+            }
+            if last.replace(report.at) != Some(report.at) {
+                since = Instant::now();
+            } else if since.elapsed() > SILENCE {
+                return Err(LinkError::Standing(self.at.clone()));
             }
             std::thread::sleep(Duration::from_millis(2));
         }

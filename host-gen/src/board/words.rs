@@ -57,7 +57,7 @@ pub fn cause(cause: Cause) -> String {
         Cause::NotFinite => "a force was not a finite number".to_owned(),
         Cause::Saturated => "the legs were at their limits for too long".to_owned(),
         Cause::Diverging => "the forces kept growing".to_owned(),
-        Cause::Silent => "no message on the link for too long".to_owned(),
+        Cause::Silent => "no message on the link for the time supervision.silence (0 lets the loop run without a host)".to_owned(),
         Cause::Erratic(mask) => format!("jumps for single samples: {}", named(mask)),
     }
 }

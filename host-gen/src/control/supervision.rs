@@ -80,6 +80,11 @@ fn noise(board: &Board, sensor: Sensor) -> f64 {
     own.hypot(board.adc_noise) / board.adc.lsb()
 }
 
+/// Noise of sensor and ADC, rms, in the unit of the sensor.
+pub(crate) fn sensor_noise(board: &Board, sensor: Sensor) -> f64 {
+    noise(board, sensor) * (board.adc.lsb() / sensor.sensitivity.abs())
+}
+
 /// The self-test and the pilot for `machine`, with the answers of its sampled `plant`.
 pub fn self_test(machine: &Machine, plant: &SampledPlant) -> SelfTest {
     let board = &machine.board;
@@ -113,8 +118,7 @@ pub fn self_test(machine: &Machine, plant: &SampledPlant) -> SelfTest {
             // White noise of n²/Hz gives a phasor measured with a Hann window over T the variance
             // 3·n²/T.
             let sensor = sensor?;
-            let lsb = board.adc.lsb() / sensor.sensitivity.abs();
-            let square = (noise(board, sensor) * lsb).powi(2) / (0.5 * board.sample_rate);
+            let square = sensor_noise(board, sensor).powi(2) / (0.5 * board.sample_rate);
             let noise = (LEGS as f64 * 3.0 * square / s.pilot_time).sqrt();
             let rows = gain.rows(kind * LEGS, LEGS);
             let weakest = rows.column_iter().map(|leg| leg.norm());

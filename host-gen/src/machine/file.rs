@@ -610,8 +610,9 @@ pub struct SupervisionSettings {
     /// Time for which a force may be clamped before it is a fault, s. Default: one period
     /// of `control.frequency`.
     pub saturated: Option<f64>,
-    /// Time without a message on the link, while the legs are driven, that is a fault, s.
-    /// 0 disables this check.
+    /// Time without a message on the link, while the legs are driven, that is a fault, s: if
+    /// the host is gone, the loop opens. At most 3600 s. 0 disables this check: set it if the
+    /// loop is to run without a host. Test signals end after 5 s of silence in any case.
     pub silence: f64,
     /// Length of the windows in which the supervisor computes variances, s.
     pub window: f64,
@@ -660,7 +661,7 @@ impl Default for SupervisionSettings {
             lost: 3,
             late: 3,
             saturated: None,
-            silence: 0.0,
+            silence: 600.0,
             window: 0.05,
             growth: 1.5,
             grown: 6,

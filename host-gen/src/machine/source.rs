@@ -54,24 +54,56 @@ impl Source {
         let mut merged = source.add(path, text)?;
         while let Some(base) = merged.remove("based_on") {
             let Value::String(base) = base else {
-                let error = EntryError::new("based_on", "must be the path of a machine file");
-                return Err(source.locate(error));
+                return Err(source.unfounded("must be the path of a machine file"));
             };
-            if source.parts.len() >= DEPTH {
-                let message = format!("more than {DEPTH} files, each based on the next");
-                return Err(source.locate(EntryError::new("based_on", message)));
-            }
             let folder = source.parts.last().and_then(|part| part.file.parent());
             let file = folder.unwrap_or(Path::new("")).join(base);
+            if let Some(circle) = source.circle(&file) {
+                return Err(source.unfounded(circle));
+            }
+            if source.parts.len() >= DEPTH {
+                let message = format!("more than {DEPTH} files, each based on the next");
+                return Err(source.unfounded(message));
+            }
             let text = fs::read_to_string(&file).map_err(|error| {
                 let message = format!("{} cannot be read: {error}", file.display());
-                source.locate(EntryError::new("based_on", message))
+                source.unfounded(message)
             })?;
             let mut below = source.add(&file, &text)?;
             merge(&mut below, merged);
             merged = below;
         }
         Ok((source, merged))
+    }
+
+    /// If `file` is already one of the files: the circle in words.
+    fn circle(&self, file: &Path) -> Option<String> {
+        // Whatever its path looks like, and through links.
+        let same = |file: &Path| fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
+        let again = same(file);
+        let first = self.parts.iter().position(|p| same(&p.file) == again)?;
+        let circle = self.parts.get(first..)?;
+        if circle.len() == 1 {
+            return Some("the file is based on itself".to_owned());
+        }
+        let names = circle.iter().map(|part| part.file.display().to_string());
+        let names: Vec<_> = names.chain([file.display().to_string()]).collect();
+        let names = names.join(", which is based on ");
+        Some(format!(
+            "the files are based on each other in a circle: {names}"
+        ))
+    }
+
+    /// An error of the last file's `based_on`.
+    fn unfounded(&self, message: impl Into<String>) -> MachineError {
+        let error = EntryError::new("based_on", message);
+        match self.parts.last() {
+            Some(part) => match find(&part.text, &error.entry) {
+                Some((_, span)) => MachineError::at(&part.file, &part.text, span, error),
+                None => MachineError::in_file(&part.file, error),
+            },
+            None => MachineError::in_code(error),
+        }
     }
 
     /// The files and their texts, the one asked for first.

@@ -778,10 +778,11 @@ fn bandwidth(entry: &str, hz: Option<f64>) -> Checked<Option<f64>> {
     hz.map(|hz| positive(entry, hz, "Hz")).transpose()
 }
 
+/// Longest silence of the link, s: at any sample rate it fits the table's counter.
+const LONGEST_SILENCE: f64 = 3600.0;
+
 fn supervision(s: &SupervisionSettings, sample_rate: f64) -> Checked<()> {
-    // What fits the table's counters, and the sums over a window.
-    let longest = f64::from(1 << 20) / sample_rate;
-    let time = |key: &str, time: f64, samples: u32| {
+    let within = |key: &str, time: f64, samples: u32, longest: f64| {
         let right = time * sample_rate >= f64::from(samples) && time <= longest;
         let least = match samples {
             0 => "0 s".to_owned(),
@@ -790,6 +791,9 @@ fn supervision(s: &SupervisionSettings, sample_rate: f64) -> Checked<()> {
         let must = format!("be at least {least} and at most {longest:.0} s");
         number(&format!("supervision.{key}"), time, right, must)
     };
+    // What fits the table's counters, and the sums over a window.
+    let longest = f64::from(1 << 20) / sample_rate;
+    let time = |key: &str, time: f64, samples| within(key, time, samples, longest);
     time("soft_start", s.soft_start, 2)?;
     time("settle", s.settle, 2)?;
     time("safe_ramp", s.safe_ramp, 2)?;
@@ -802,7 +806,7 @@ fn supervision(s: &SupervisionSettings, sample_rate: f64) -> Checked<()> {
     time("test_time", s.test_time, 16)?;
     time("pilot_time", s.pilot_time, 16)?;
     time("stuck", s.stuck.unwrap_or(0.0), 0)?;
-    time("silence", s.silence, 0)?;
+    within("silence", s.silence, 0, LONGEST_SILENCE)?;
     for (key, ratio) in [("growth", s.growth), ("wild", s.wild), ("dull", s.dull)] {
         let entry = format!("supervision.{key}");
         number(&entry, ratio, ratio > 1.0, "be above 1")?;

@@ -45,3 +45,26 @@ fn fill(template: &str, parts: &[(&str, &str)]) -> String {
     }
     page + rest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{SCENE, SCRIPT, THREE};
+
+    /// The bundle of three.js has only what its entry names: all that the page uses must be
+    /// among it, the version too.
+    #[test]
+    fn the_bundle_has_what_the_page_uses() {
+        let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        let uses = [SCRIPT, SCENE].into_iter().flat_map(|text| {
+            let after = text.split("THREE.").skip(1);
+            after.map(move |rest| rest.split(|c| !is_name(c)).next().unwrap_or(rest))
+        });
+        let mut count = 0;
+        for name in uses {
+            let exported = [format!("{{{name}:()=>"), format!(",{name}:()=>")];
+            assert!(exported.iter().any(|text| THREE.contains(text)), "{name}");
+            count += 1;
+        }
+        assert!(count > 20);
+    }
+}

@@ -585,7 +585,28 @@ fn based_on_another() {
         "{stated}"
     );
     assert!(load("based_on = \"none.toml\"\n").contains("none.toml cannot be read"));
-    assert!(load("based_on = \"variant.toml\"\n").contains("more than 8 files"));
+    let own = "variant.toml:1:1: based_on: the file is based on itself";
+    assert!(load("based_on = \"variant.toml\"\n").contains(own));
+    assert!(load("based_on = \"./variant.toml\"\n").contains(own));
+    // The file that is asked for need not be in the circle.
+    write("a.toml", "based_on = \"b.toml\"\n");
+    write("b.toml", "based_on = \"a.toml\"\n");
+    let circle = load("based_on = \"a.toml\"\n");
+    assert!(
+        circle.contains("b.toml:1:1: based_on: the files are based on each other in a circle: ")
+            && circle.matches("a.toml").count() == 2
+            && !circle.contains("variant.toml"),
+        "{circle}"
+    );
+    for k in 0..8 {
+        write(
+            &format!("{k}.toml"),
+            &format!("based_on = \"{}.toml\"\n", k + 1),
+        );
+    }
+    write("8.toml", &model_text());
+    let long = load("based_on = \"0.toml\"\n");
+    assert!(long.contains("more than 8 files"), "{long}");
     assert!(load("based_on = 3\n").contains("variant.toml:1:1: based_on: must be the path"));
 }
 

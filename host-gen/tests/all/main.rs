@@ -7,6 +7,8 @@ mod cases;
 mod common;
 mod edits;
 mod kept_searches;
+mod link_without_answer;
+mod measuring_amplitude;
 mod metrology_frame;
 mod modal_law;
 mod odd_machines;

@@ -1,0 +1,123 @@
+//! The default amplitude of a measurement: no machine is shaken into a fault, and none is
+//! hardly shaken at all.
+
+use host_gen::board::measure::{amplitude, multisine};
+use host_gen::control::LinearLaw;
+use host_gen::design::Study;
+use host_gen::simulate::SoftwareBoard;
+use shared::LEGS;
+use shared::injection::Injection;
+use shared::recorder::Record;
+use shared::supervisor::{Event, Mode};
+use shared::table::ValidTable;
+
+use crate::common::{edited, searched};
+
+/// Samples in a period of the multisine.
+const PERIOD: u32 = 8192;
+
+/// The metrology frame with all masses and stiffnesses divided by `by`: the same frequencies,
+/// and as many times the acceleration per newton. The self-test pushes as much less.
+fn lighter(by: f64) -> String {
+    let numbers = |values: &[f64]| {
+        let values: Vec<_> = values.iter().map(|x| format!("{:e}", x / by)).collect();
+        match &values[..] {
+            [one] => one.clone(),
+            many => format!("[{}]", many.join(", ")),
+        }
+    };
+    let entries: [(&str, &[f64]); 11] = [
+        ("bodies.frame.mass", &[742.0]),
+        ("bodies.frame.inertia", &[52.25, 52.25, 104.5]),
+        ("bodies.lens.mass", &[851.6]),
+        ("bodies.lens.inertia", &[72.95, 72.95, 49.15]),
+        ("profiles.leg.axial", &[8.389e6]),
+        ("profiles.leg.bending", &[371.0, 371.0]),
+        ("profiles.leg.torsion", &[5.84]),
+        ("profiles.block.axial", &[4.5e7]),
+        ("profiles.block.bending", &[3.0e4, 3.0e4]),
+        ("profiles.block.torsion", &[1.0e4]),
+        ("supervision.test_force", &[0.05]),
+    ];
+    let entries = entries.map(|(entry, values)| (entry, numbers(values)));
+    let entries: Vec<_> = entries
+        .iter()
+        .map(|(entry, value)| (*entry, &**value))
+        .collect();
+    edited(&entries)
+}
+
+/// A board after its self-test.
+fn tested<'a>(study: &Study, table: &ValidTable, room: &'a mut [Record]) -> SoftwareBoard<'a> {
+    let mut board = SoftwareBoard::new(study, table, room);
+    board.controller.ask(Event::SelfTest).unwrap();
+    run(&mut board, 5.0);
+    let report = board.controller.report();
+    assert_eq!(report.mode, Mode::Idle, "{report:?}");
+    board
+}
+
+fn run(board: &mut SoftwareBoard<'_>, seconds: f64) {
+    for _ in 0..(seconds * 20e3) as u32 {
+        board.sample();
+    }
+}
+
+/// Injects into `leg` for two seconds, after which every monitor has had its say; then waits
+/// for the machine to come to rest.
+fn shake(board: &mut SoftwareBoard<'_>, leg: usize, amplitude: f64) {
+    let mut legs = [0.0; LEGS];
+    legs[leg] = amplitude as f32;
+    let injection = Injection {
+        signal: multisine(PERIOD),
+        legs,
+        samples: 40_000,
+    };
+    board.controller.start_injection(injection).unwrap();
+    run(board, 3.0);
+}
+
+#[test]
+fn no_machine_is_shaken_into_a_fault() {
+    for by in [1.0, 30.0] {
+        let (study, found) = searched(&lighter(by));
+        let table = &found.as_ref().unwrap().table;
+        let mut room = [Record::NONE; 1];
+        let mut board = tested(study, table, &mut room);
+        let open = amplitude(study, table, None, PERIOD);
+        for leg in 0..LEGS {
+            shake(&mut board, leg, open);
+            assert_eq!(
+                board.controller.report().fault,
+                None,
+                "{by}: {open} N, leg {leg}"
+            );
+        }
+
+        let law = LinearLaw::new(table);
+        let closed = amplitude(study, table, Some(&law), PERIOD);
+        println!("{by}: {open} N open, {closed} N closed");
+        board.controller.ask(Event::Start).unwrap();
+        run(&mut board, 20.0);
+        assert_eq!(board.controller.report().mode, Mode::Closed, "{by}");
+        for leg in 0..LEGS {
+            shake(&mut board, leg, closed);
+            assert_eq!(
+                board.controller.report().fault,
+                None,
+                "{by}: {closed} N, leg {leg}"
+            );
+        }
+        // Not far below it either.
+        assert!(
+            closed > 0.1 * open,
+            "{by}: {open} N open, {closed} N closed"
+        );
+        if by > 1.0 {
+            let mut room = [Record::NONE; 1];
+            let mut board = tested(study, table, &mut room);
+            shake(&mut board, 0, 16.0 * open);
+            assert!(board.controller.report().fault.is_some(), "{by}: {open} N");
+        }
+    }
+}
