@@ -2,6 +2,7 @@
 
 pub mod eigen;
 pub mod frequencies;
+pub mod quadrature;
 pub mod rows;
 pub mod singular;
 pub mod six;
