@@ -85,7 +85,7 @@ fn sensor_noise(DesignedStudy { study, design }: &DesignedStudy) -> [f64; 2] {
     let floor = Floor::Criterion(Criterion::VcC);
     let budget = budget(study.plant(), board, table, &floor, band).unwrap();
     let parts = budget.performance.iter().map(|spectrum| {
-        let powers = budget.power(spectrum, band[0], band[1]);
+        let powers = budget.power(spectrum);
         100.0 * powers[1] / powers.iter().sum::<f64>()
     });
     let parts: Vec<f64> = parts.collect();
