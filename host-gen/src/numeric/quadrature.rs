@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn steep_flanks_are_integrated() {
         let (low, high) = (49.94, 49.95);
-        let steep = 1e14f64.ln() / (high / low as f64).ln();
+        let steep = 1e14f64.ln() / f64::ln(high / low);
         let nodes = nodes(&[low, high], &[], |_| steep);
         let found: f64 = nodes.iter().map(|(x, w)| w * (x / low).powf(steep)).sum();
         let expected = low / (steep + 1.0) * ((high / low).powf(steep + 1.0) - 1.0);
