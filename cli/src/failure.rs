@@ -3,6 +3,7 @@
 use std::io;
 use std::path::Path;
 
+use host_gen::analysis::vibration::SpectrumError;
 use host_gen::board::link::LinkError;
 use host_gen::board::measure::FrfError;
 use host_gen::design::{DesignError, StudyError};
@@ -26,10 +27,18 @@ pub enum Failure {
         "there is no folder {0} here; run the command in the project's root folder, or use --table PATH"
     )]
     NoTables(String),
+    #[error("{}{}: {error}", path, error.line.map(|line| format!(":{line}")).unwrap_or_default())]
+    Spectrum { path: String, error: SpectrumError },
     #[error(
-        "{path}:{line}: expected a frequency, Hz, above the one before, and an acceleration density, m/s²/√Hz, at least 0"
+        "{path}: the spectrum gives {low} to {high} Hz only, nothing from {from} to {to} Hz; change --from and --to"
     )]
-    Spectrum { path: String, line: usize },
+    Unseen {
+        path: String,
+        low: f64,
+        high: f64,
+        from: f64,
+        to: f64,
+    },
     #[error(transparent)]
     Link(#[from] LinkError),
     #[error(transparent)]
@@ -44,11 +53,20 @@ pub enum Failure {
     Fault(String),
     #[error(transparent)]
     Plot(#[from] PlotError),
+    #[error("--{flag} must be finite and at least {least}")]
+    Least { flag: &'static str, least: f64 },
     #[error("--{flag} must be from {least} to {most:e}")]
     Between {
         flag: &'static str,
         least: f64,
         most: f64,
+    },
+    #[error("--{flag} must be from {least} to {most} {unit}")]
+    Within {
+        flag: &'static str,
+        least: f64,
+        most: f64,
+        unit: &'static str,
     },
     #[error("--leg-angle must be at most 89: vertical legs do not hold the machine sideways")]
     Upright,

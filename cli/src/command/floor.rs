@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::floors::FloorAnalysis;
-use host_gen::analysis::vibration::{Floor, SpectrumError, both_budgets};
+use host_gen::analysis::vibration::{Floor, LOWEST, STRONGEST, Spectrum, both_budgets};
 
-use crate::arguments::{Common, band, criterion, within};
+use crate::arguments::{Common, band, criterion};
 use crate::failure::{Failure, in_loop};
 use crate::print;
 use crate::search::{Searcher, study, warnings};
@@ -33,11 +33,12 @@ struct FloorChoice {
     /// Floor at the limit of this vibration criterion.
     #[arg(long, value_parser = criterion())]
     criterion: Option<Criterion>,
-    /// White acceleration of each floor input, m/s²/√Hz.
+    /// White acceleration along each of x, y and z, m/s²/√Hz.
     #[arg(long)]
     white: Option<f64>,
-    /// Text file with a floor spectrum. Each line has a frequency, Hz, ascending, and an
-    /// acceleration density, m/s²/√Hz; # starts a comment.
+    /// Text file with a floor spectrum, that of the acceleration along each of x, y and z. Each
+    /// line has a frequency, Hz, ascending, and an acceleration density, m/s²/√Hz; # starts a
+    /// comment.
     #[arg(long)]
     spectrum: Option<PathBuf>,
 }
@@ -45,6 +46,7 @@ struct FloorChoice {
 pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Failure> {
     let Common { model, format } = &arguments.common;
     let band = band(arguments.from, arguments.to)?;
+    let [from, to] = band;
     let (floor, name) = match &arguments.floor {
         FloorChoice {
             criterion: Some(criterion),
@@ -53,13 +55,13 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
         FloorChoice {
             spectrum: Some(path),
             ..
-        } => (read(path)?, path.display().to_string()),
+        } => {
+            let name = path.display().to_string();
+            (Floor::Table(read(path, &name)?), name)
+        }
         FloorChoice { white, .. } => {
             let density = white.unwrap_or(f64::NAN);
-            if !(density.is_finite() && density >= 0.0) {
-                return Err(Failure::Option("white"));
-            }
-            within("white", density, "board.accelerometer.noise_density")?;
+            within("white", density, 0.0, STRONGEST, "m/s²/√Hz")?;
             (
                 Floor::White(density),
                 format!("white, {density:e} m/s²/√Hz"),
@@ -67,27 +69,62 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
         }
     };
     let study = study(model)?;
+    if from < LOWEST {
+        return Err(Failure::Least {
+            flag: "from",
+            least: LOWEST,
+        });
+    }
+    let nyquist = 0.5 * study.machine().board.sample_rate;
+    within("to", to, from, nyquist, "Hz, half the sample rate")?;
+    let [low, high] = floor.range();
+    if high <= from || to <= low {
+        return Err(Failure::Unseen {
+            path: name,
+            low,
+            high,
+            from,
+            to,
+        });
+    }
     let design = searcher.design(model, &study)?;
     let board = &study.machine().board;
     let budgets = both_budgets(study.plant(), board, &design.table, &floor, band);
     let [open, closed] = budgets.map_err(in_loop(model))?;
     print::warned(
         *format,
-        &FloorAnalysis::new(&study, name, band, open, closed),
+        &FloorAnalysis::new(&study, name, open, closed),
         &warnings(model, &study)?,
     )
 }
 
-/// Reads the spectrum in a file.
-fn read(path: &Path) -> Result<Floor, Failure> {
+fn within(
+    flag: &'static str,
+    value: f64,
+    least: f64,
+    most: f64,
+    unit: &'static str,
+) -> Result<(), Failure> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(Failure::Within {
+        flag,
+        least,
+        most,
+        unit,
+    })
+}
+
+/// Reads the spectrum in a file called `name`.
+fn read(path: &Path, name: &str) -> Result<Spectrum, Failure> {
     let text = fs::read_to_string(path).map_err(|error| Failure::Io {
-        path: path.display().to_string(),
+        path: name.to_owned(),
         what: "read",
         error,
     })?;
-    text.parse()
-        .map_err(|error: SpectrumError| Failure::Spectrum {
-            path: path.display().to_string(),
-            line: error.line,
-        })
+    text.parse().map_err(|error| Failure::Spectrum {
+        path: name.to_owned(),
+        error,
+    })
 }

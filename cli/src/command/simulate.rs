@@ -21,7 +21,7 @@ pub struct SimulateArguments {
     /// Seed of the random numbers [default: from the file].
     #[arg(long)]
     seed: Option<u64>,
-    /// Floor acceleration, rms of each input, m/s² [default: from the file].
+    /// Floor acceleration, rms along each of x, y and z, m/s² [default: from the file].
     #[arg(long)]
     floor_rms: Option<f64>,
 }

@@ -309,7 +309,8 @@ fn analysis_commands() {
     run(&["floor", &model, "--spectrum", "s.txt"]);
     fs::write(folder.path().join("s.txt"), "1 1e-5\n0.5 1e-4\n").unwrap();
     let bad = host_gen(&["floor", &model, "--spectrum", "s.txt"], folder.path());
-    assert!(text(&bad.stderr).contains("s.txt:2: expected a frequency"));
+    assert!(text(&bad.stderr).contains("s.txt:2: frequencies must ascend"));
+    floors_are_refused_truly(&model, folder.path());
     let robust = run(&["robust", &model, "--samples", "4", "--seed", "9"]);
     assert_eq!(
         (&robust["samples"], &robust["stable"]),
@@ -329,6 +330,75 @@ fn analysis_commands() {
             "{command}"
         );
     }
+}
+
+/// Floors of which nothing can be said are refused with the cause; what is not known of others is
+/// said, and no criterion is claimed for it.
+fn floors_are_refused_truly(model: &str, folder: &Path) {
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/floor");
+    let given = |name: &str| cases.join(name).display().to_string();
+    let with = |name: &str, content: &str| {
+        fs::write(folder.join(name), content).unwrap();
+        name.to_owned()
+    };
+    let on = |spectrum: &str, more: &[&str]| {
+        host_gen(
+            &[&["floor", model, "--spectrum", spectrum], more].concat(),
+            folder,
+        )
+    };
+    for (spectrum, more, words) in [
+        (
+            given("floor-empty.txt"),
+            &[][..],
+            "floor-empty.txt: the file has no point",
+        ),
+        (
+            given("floor-one-point.txt"),
+            &[],
+            "floor-one-point.txt: one point is no spectrum",
+        ),
+        (
+            given("floor-from-0hz.txt"),
+            &[],
+            "floor-from-0hz.txt:1: a spectrum cannot begin at 0 Hz",
+        ),
+        (
+            with("high.txt", "400 1e-6\n500 1e-6"),
+            &[],
+            "gives 400 to 500 Hz only",
+        ),
+        (
+            with("low.txt", "0.01 1e-6\n0.5 1e-6"),
+            &[],
+            "gives 0.01 to 0.5 Hz only",
+        ),
+        (
+            with("all.txt", "0.1 1e-6\n900 1e-6"),
+            &["--to", "20000"],
+            "--to must be from 0.5 to 10000",
+        ),
+        (
+            "all.txt".to_owned(),
+            &["--from", "1e-9"],
+            "--from must be finite and at least 0.0001",
+        ),
+    ] {
+        let failed = on(&spectrum, more);
+        assert_eq!(failed.status.code(), Some(1), "{spectrum}");
+        assert!(failed.stdout.is_empty());
+        let error = text(&failed.stderr);
+        assert_eq!(error.lines().count(), 1, "{error}");
+        assert!(error.contains(words), "{error}");
+    }
+    let read = on(&given("floor-bom.txt"), &[]);
+    assert!(text(&read.stdout).contains("VC-C to VC-G are not judged: the one-third octaves need 0.89 to 89.2 Hz, known are 1 to 100 Hz"));
+    let narrow = on("all.txt", &["--from", "100", "--to", "200"]);
+    let narrow = text(&narrow.stdout);
+    assert!(!narrow.contains("meets"), "{narrow}");
+    assert!(narrow.contains("VC-A and VC-B are not judged"), "{narrow}");
+    let white = host_gen(&["floor", model, "--white", "1e200"], folder);
+    assert!(text(&white.stderr).contains("--white must be from 0 to 1000000 m/s²/√Hz"));
 }
 
 /// Acceleration feedback holds the low-parasitic machine, though its legs

@@ -84,10 +84,28 @@ impl Criterion {
         hz > 0.98 * self.begins()
     }
 
+    /// The frequencies that the criterion's one-third-octave bands span, lowest and highest, Hz.
+    pub fn needs(self) -> [f64; 2] {
+        let mut own = third_centres().filter(|hz| self.covers(*hz));
+        // Every criterion covers the band at 80 Hz.
+        let [low, high] = own.next().map_or([0.0; 2], third_edges);
+        [low, own.last().map_or(high, |hz| third_edges(hz)[1])]
+    }
+
+    /// The frequencies at which [`velocity`](Self::velocity) is not smooth, Hz.
+    pub(super) fn breaks(self) -> &'static [f64] {
+        match self {
+            Self::VcA | Self::VcB => &[4.0, 8.0],
+            Self::NistA => &[20.0],
+            _ => &[],
+        }
+    }
+
     /// The highest allowed rms velocity in the one-third-octave band with centre `hz`,
     /// m/s. VC-A and B are flat from 8 Hz and rise as 1/f from there down to 4 Hz; C to G
     /// are flat; NIST-A is 0.025 µm up to 20 Hz and 3.1 µm/s above. Outside the
-    /// frequencies of the criterion, the velocity is constant.
+    /// frequencies of the criterion, this goes on: the velocity is constant, or below 20 Hz the
+    /// displacement of NIST-A.
     pub fn velocity(self, hz: f64) -> f64 {
         let rising = |flat: f64| flat * 8.0 / hz.clamp(4.0, 8.0);
         1e-6 * match self {
@@ -98,7 +116,7 @@ impl Criterion {
             Self::VcE => 3.125,
             Self::VcF => 1.5625,
             Self::VcG => 0.781_25,
-            Self::NistA if hz < 20.0 => 0.025 * TAU * hz.max(1.0),
+            Self::NistA if hz < 20.0 => 0.025 * TAU * hz,
             Self::NistA => 3.1,
         }
     }
@@ -107,6 +125,12 @@ impl Criterion {
 /// Exact centres of the one-third-octave bands from 1 to 80 Hz, ascending, Hz.
 pub fn third_centres() -> impl Iterator<Item = f64> {
     (0..20).map(|n| 10f64.powf(f64::from(n) / 10.0))
+}
+
+/// Lower and upper edge of the one-third-octave band with centre `hz`, Hz.
+pub fn third_edges(hz: f64) -> [f64; 2] {
+    let half = 2f64.powf(1.0 / 6.0);
+    [hz / half, hz * half]
 }
 
 /// The error of a name that is not the name of a criterion.

@@ -1,5 +1,5 @@
 //! Motion from the floor's vibration and the board's noise, without and with control: rms
-//! by source, one-third octaves, the criterion met.
+//! by source, one-third octaves, the criterion met, and whether the legs can do it.
 
 use serde::Serialize;
 
@@ -7,6 +7,8 @@ use super::criterion::Criterion;
 use super::digest;
 use super::vibration::{NoiseBudget, Powers, SOURCES};
 use crate::design::Study;
+use crate::machine::Board;
+use crate::numeric::quadrature::singular_hertz;
 
 /// Result of `host-gen floor`: the motion caused by the floor and the board's noise,
 /// without and with control.
@@ -19,14 +21,21 @@ pub struct FloorAnalysis {
     pub(crate) low_hz: f64,
     pub(crate) high_hz: f64,
     pub(crate) sources: [&'static str; SOURCES.len()],
+    /// Criteria whose bands lie in the band and for which the floor is given, the least strict
+    /// first.
+    pub(crate) judged: Vec<&'static str>,
+    /// What the controller asks of the legs.
+    pub(crate) legs: Demands,
+    /// What the results leave out or where they do not hold, in words.
+    pub(crate) warnings: Vec<String>,
     pub(crate) open: FloorSide,
     pub(crate) closed: FloorSide,
 }
 
 #[derive(Debug, Serialize)]
 pub(crate) struct FloorSide {
-    /// The strictest criterion that the frame meets; none if it meets none of VC-A to
-    /// VC-G.
+    /// The strictest of the judged criteria that the frame meets; none if it meets none of
+    /// them.
     pub(crate) criterion: Option<&'static str>,
     pub(crate) rms: Vec<SourceShares>,
     pub(crate) thirds: Vec<ThirdOctave>,
@@ -67,7 +76,7 @@ fn dominant(powers: &Powers) -> &'static str {
 }
 
 impl FloorSide {
-    fn new(study: &Study, budget: NoiseBudget, [low, high]: [f64; 2]) -> Self {
+    fn new(study: &Study, budget: NoiseBudget) -> Self {
         let machine = study.machine();
         let legs = |what: &str| {
             let name = |leg: &usize| format!("{what} {}", machine.beams[*leg].name);
@@ -89,7 +98,7 @@ impl FloorSide {
                     .map(move |(s, name)| (s, name, unit))
             })
             .map(|(spectrum, name, unit)| {
-                let (rms, shares) = shares(&budget.power(spectrum, low, high));
+                let (rms, shares) = shares(&budget.power(spectrum));
                 SourceShares {
                     name,
                     unit,
@@ -122,27 +131,141 @@ impl FloorSide {
     }
 }
 
+/// Names in words: the first and the last of several in a row.
+fn from_to(names: &[&str]) -> String {
+    match names {
+        [first, second] => format!("{first} and {second}"),
+        [first, .., last] => format!("{first} to {last}"),
+        names => names.concat(),
+    }
+}
+
+/// A frequency, Hz, in words, to three digits by `round`.
+fn hertz(hz: f64, round: fn(f64) -> f64) -> String {
+    let decimals = 2 - hz.log10().floor() as i32;
+    let unit = 10f64.powi(-decimals);
+    let text = format!("{:.1$}", round(hz / unit) * unit, decimals.max(0) as usize);
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// The part of the floor that is not given, and the criteria that are not judged for it.
+fn unseen(budget: &NoiseBudget) -> Vec<String> {
+    let mut words = Vec::new();
+    let [[low, high], [from, to]] = [budget.band, budget.seen];
+    let seen = format!("{from} to {to} Hz");
+    if from > low || to < high {
+        words.push(format!(
+            "the spectrum gives {seen} only; elsewhere the floor counts as still, and all rms values lack its part"
+        ));
+    }
+    let judged = budget.judged();
+    let open: Vec<_> = Criterion::VC
+        .into_iter()
+        .filter(|criterion| !judged.contains(criterion))
+        .collect();
+    // Those that need the same bands are neighbours.
+    for alike in open.chunk_by(|a, b| a.needs() == b.needs()) {
+        let names: Vec<_> = alike.iter().map(|criterion| criterion.name()).collect();
+        let [low, high] = alike[0].needs();
+        let verb = if names.len() > 1 { "are" } else { "is" };
+        words.push(format!(
+            "{} {verb} not judged: the one-third octaves need {} to {} Hz, known are {seen}",
+            from_to(&names),
+            // A range as said is wide enough.
+            hertz(low, f64::floor),
+            hertz(high, f64::ceil)
+        ));
+    }
+    words
+}
+
+/// What the controller asks of the legs.
+#[derive(Debug, Serialize)]
+pub(crate) struct Demands {
+    /// Largest rms force of a leg, N.
+    pub(crate) rms: f64,
+    /// Three times that, which a force exceeds in 0.3 % of the time, N.
+    pub(crate) three_sigma: f64,
+    /// The largest force of a leg in either direction, by its limit or the DAC's range, N.
+    pub(crate) limit: f64,
+}
+
+impl Demands {
+    fn new(board: &Board, closed: &NoiseBudget) -> Self {
+        let rms = closed.force.iter().map(|leg| shares(&closed.power(leg)).0);
+        let rms = rms.fold(0.0, f64::max);
+        Self {
+            rms,
+            three_sigma: 3.0 * rms,
+            limit: board.force_limit.min(board.dac.reach(board.actuator_gain)),
+        }
+    }
+
+    /// Warns of legs that cannot do what is asked.
+    fn excess(&self, board: &Board) -> Option<String> {
+        let of = if self.limit < board.force_limit {
+            "the DAC's range"
+        } else {
+            "their limit"
+        };
+        (self.three_sigma > self.limit).then(|| {
+            format!(
+                "three sigma of the legs' forces, {:.0} N, exceed {of}, {:.0} N: the outputs will be clamped, and the values with control, which are linear, will not be reached",
+                self.three_sigma, self.limit
+            )
+        })
+    }
+}
+
+/// Warns of modes without damping in the band, whose rms has no limit.
+fn undamped(study: &Study, [low, high]: [f64; 2]) -> Option<String> {
+    let poles = &study.plant().plant.poles;
+    let at = singular_hertz(poles.iter().map(|pole| &pole.lambda));
+    let first = at
+        .iter()
+        .find(|at| (low..=high).contains(&at.re) && at.im.abs() < 1e-9 * at.re)?;
+    Some(format!(
+        "without control, the mode at {} Hz has no damping, so that its rms has no limit: the values without control mean nothing",
+        hertz(first.re, f64::round)
+    ))
+}
+
 impl FloorAnalysis {
     /// Summarises the noise budgets of `study` on the floor called `name`: `open` without
-    /// control, `closed` with the loop closed. `band`: lower and upper end of the rms
-    /// values, Hz.
-    pub fn new(
-        study: &Study,
-        name: String,
-        band: [f64; 2],
-        open: NoiseBudget,
-        closed: NoiseBudget,
-    ) -> Self {
+    /// control, `closed` with the loop closed, both in the same band.
+    pub fn new(study: &Study, name: String, open: NoiseBudget, closed: NoiseBudget) -> Self {
+        let machine = study.machine();
+        let board = &machine.board;
+        let legs = Demands::new(board, &closed);
+        let mut warnings = unseen(&closed);
+        warnings.extend(undamped(study, closed.band));
+        warnings.extend(legs.excess(board));
+        let [low_hz, high_hz] = closed.band;
         Self {
-            machine: study.machine().name.clone(),
-            model_sha256: digest(study.machine()),
+            machine: machine.name.clone(),
+            model_sha256: digest(machine),
             feedback: study.design_model().feedback.name(),
             floor: name,
-            low_hz: band[0],
-            high_hz: band[1],
+            low_hz,
+            high_hz,
             sources: SOURCES,
-            open: FloorSide::new(study, open, band),
-            closed: FloorSide::new(study, closed, band),
+            judged: closed.judged().into_iter().map(Criterion::name).collect(),
+            legs,
+            warnings,
+            open: FloorSide::new(study, open),
+            closed: FloorSide::new(study, closed),
+        }
+    }
+
+    /// The criterion that a side meets, in words.
+    pub(crate) fn meets(&self, side: &FloorSide) -> String {
+        match side.criterion {
+            Some(criterion) => criterion.to_owned(),
+            None => format!("none of {}", from_to(&self.judged)),
         }
     }
 }

@@ -20,6 +20,7 @@ use crate::control::{Shape, table};
 use crate::machine::{FeedbackKind, Machine, Minimise, Target};
 use crate::model::design_model::DesignModel;
 use crate::numeric::frequencies::grid;
+use crate::numeric::quadrature::nodes;
 use crate::numeric::singular::{largest_singular_value, smallest_is_above};
 use crate::numeric::six::ComplexMatrix6;
 use crate::plant::{Gain, SampledPlant};
@@ -57,7 +58,6 @@ impl ChannelGains {
 
 /// The loop at one frequency with outputs to observe.
 struct OutputPoint {
-    hz: f64,
     point: LoopPoint,
     /// From the floor to the outputs without control.
     open: Gain,
@@ -71,6 +71,8 @@ struct OutputPoint {
 /// The points of one band, and the 0 dB reference of its level.
 struct BandPoints {
     points: Vec<OutputPoint>,
+    /// The weight of each point in the integral over the band, Hz; empty if peaks are minimised.
+    weights: Vec<f64>,
     reference_db: f64,
 }
 
@@ -129,57 +131,51 @@ impl<'a> Objective<'a> {
         };
         let mut peaks = plant.plant.peaks();
         peaks.extend(sharp);
-        let seen = |rows: Range<usize>, floor: ComplexMatrix6| {
-            let point = &point;
-            move |hz: Vec<f64>| -> Vec<OutputPoint> {
-                hz.into_iter()
-                    .map(|hz| {
-                        let response = plant.response(hz);
-                        let sensed = response.from_floor(plant.plant.sensors());
-                        OutputPoint {
-                            hz,
-                            point: point(hz),
-                            open: response.from_floor(rows.clone()) * floor,
-                            to_modes: of_kind(&sensed, input, 0) * floor,
-                            to_modes_complement: complement
-                                .map(|input| of_kind(&sensed, input, LEGS) * floor),
-                            from_modes: response.from_legs(rows.clone()) * output,
-                        }
-                    })
-                    .collect()
-            }
+        let seen = |rows: Range<usize>, floor: ComplexMatrix6, hz: Vec<f64>| {
+            let of_point = |hz: f64| {
+                let response = plant.response(hz);
+                let sensed = response.from_floor(plant.plant.sensors());
+                OutputPoint {
+                    point: point(hz),
+                    open: response.from_floor(rows.clone()) * floor,
+                    to_modes: of_kind(&sensed, input, 0) * floor,
+                    to_modes_complement: complement
+                        .map(|input| of_kind(&sensed, input, LEGS) * floor),
+                    from_modes: response.from_legs(rows.clone()) * output,
+                }
+            };
+            hz.into_iter().map(of_point).collect::<Vec<_>>()
         };
         let [_, high] = isolation_band(model, target.frequency);
-        let performance = seen(plant.plant.performance(), ComplexMatrix6::identity());
+        let performance = |floor, hz| seen(plant.plant.performance(), floor, hz);
+        let peaks_in = |low: f64, high: f64, count: usize, reference_db: f64| BandPoints {
+            points: performance(ComplexMatrix6::identity(), grid(low, high, count, &peaks)),
+            weights: Vec::new(),
+            reference_db,
+        };
         let bands = match target.minimise {
             // Without bands: all frequencies at which the machine must isolate.
             Minimise::Peaks if machine.bands.is_empty() => {
-                vec![BandPoints {
-                    points: performance(grid(isolation, high.max(2.0 * isolation), 120, &peaks)),
-                    reference_db: 0.0,
-                }]
+                vec![peaks_in(isolation, high.max(2.0 * isolation), 120, 0.0)]
             }
             Minimise::Peaks => machine
                 .bands
                 .iter()
                 .zip(reference_db)
-                .map(|((_, low, high), &reference_db)| BandPoints {
-                    points: performance(grid(*low, *high, 60, &peaks)),
-                    reference_db,
-                })
+                .map(|((_, low, high), &reference_db)| peaks_in(*low, *high, 60, reference_db))
                 .collect(),
             Minimise::Rms => {
-                let [low, high] = machine.simulation.floor_band;
+                let band = machine.simulation.floor_band;
+                let singular = peaks.iter().map(|(hz, width)| Complex::new(*hz, *width));
+                let singular: Vec<_> = singular.collect();
+                let (hz, weights) = nodes(&band, &singular, |_| 0.0).into_iter().unzip();
                 vec![BandPoints {
-                    points: performance(grid(low, high, 120, &peaks)),
+                    points: performance(plant.plant.base.map(Complex::from), hz),
+                    weights,
                     reference_db: 0.0,
                 }]
             }
         };
-        let whole = seen(
-            plant.plant.whole(),
-            plant.plant.rigid_floor.map(Complex::from),
-        );
         Self {
             machine,
             model,
@@ -189,7 +185,11 @@ impl<'a> Objective<'a> {
                 .map(point)
                 .collect(),
             bands,
-            isolation: whole(grid(isolation, high.max(1.1 * isolation), 30, &[])),
+            isolation: seen(
+                plant.plant.whole(),
+                plant.plant.rigid_floor.map(Complex::from),
+                grid(isolation, high.max(1.1 * isolation), 30, &[]),
+            ),
             input,
             input_inverse: input.try_inverse().expect("modes are independent"),
             output,
@@ -345,9 +345,9 @@ impl BandPoints {
                 highest * mean.sqrt()
             }
             Minimise::Rms => all
-                .windows(2)
-                .zip(self.points.windows(2))
-                .map(|(x, at)| 0.5 * (x[0] * x[0] + x[1] * x[1]) * (at[1].hz - at[0].hz))
+                .iter()
+                .zip(&self.weights)
+                .map(|(x, weight)| weight * x * x)
                 .sum(),
         };
         10.0 * squares.log10() - self.reference_db

@@ -37,6 +37,8 @@ pub struct Machine {
     pub force_sensors: Option<[usize; LEGS]>,
     /// Rheonomic inputs q_r at base nodes, Eq. (8).
     pub floor: [Direction; LEGS],
+    /// Rotations of the base about x, y and z as parts of its translation, rad/m.
+    pub rotation: Vector3<f64>,
     /// Performance outputs, Eq. (10), at least one.
     pub performance: Vec<Performance>,
     /// Bands to report peaks in: name, lower and upper limit, Hz.
@@ -61,8 +63,8 @@ pub struct Machine {
     /// Sources of the numbers.
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description without comments and layout: everything that decides the
-    /// controller. Of `simulation` that is `floor_band` with `minimise = "rms"`, of
-    /// `robustness` what the modal law is verified on; `provenance` is left out.
+    /// controller. Of `simulation` that is `floor_band` with `minimise = "rms"`, as is
+    /// `floor.rotation`; of `robustness` what the modal law is verified on; `provenance` is left out.
     pub digest: ModelDigest,
     pub(super) description: MachineFile,
     pub(super) source: Source,
@@ -347,6 +349,7 @@ impl Machine {
             accelerometers,
             force_sensors,
             floor,
+            rotation,
             performance,
             bands,
             gravity,
@@ -363,13 +366,13 @@ impl Machine {
             description: _,
             source: _,
         } = self;
-        let floor_band = match target.minimise {
-            Minimise::Rms => Some(simulation.floor_band),
+        let shaken = match target.minimise {
+            Minimise::Rms => Some((simulation.floor_band, rotation)),
             Minimise::Peaks => None,
         };
         // Debug prints numbers in the shortest form that reads back to the same bits.
         format!(
-            "{nodes:?} {bodies:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {floor_band:?}"
+            "{nodes:?} {bodies:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {shaken:?}"
         )
     }
 

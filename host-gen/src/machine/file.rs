@@ -350,6 +350,12 @@ pub struct FloorEntry {
     /// Six directions at nodes of the base, by name, that together fix the motion of the
     /// rigid base: the rheonomic inputs q_r, Eq. (8).
     pub inputs: IndexMap<String, DirectionEntry>,
+    /// Rotations of the base about x, y and z through the mean position of the base's nodes,
+    /// relative to its translations, rad/m. The spectrum of the floor times this is that of the
+    /// rotation, independent of all others. Not negative. Default: the base does not rotate. Part of the digest only with
+    /// `minimise = "rms"`, where the search for the controller reads it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[f64; 3]>,
 }
 
 /// `[performance]`: performance outputs, at least one, and frequency bands.
@@ -686,9 +692,10 @@ pub struct Simulation {
     pub duration: f64,
     /// Duration of the simulated time before the measured part, s. Not negative.
     pub settling: f64,
-    /// Floor acceleration of each floor input, rms, m/s². Not negative.
+    /// Acceleration of the rigid base along each of x, y and z, rms, m/s². The three are
+    /// independent of each other; rotations are as `floor.rotation` says. Not negative.
     pub floor_rms: f64,
-    /// Frequency band `[low, high]` of the floor acceleration, Hz.
+    /// Frequency band `[low, high]` of the base's acceleration, Hz.
     pub floor_band: [f64; 2],
     /// Seed of the random numbers.
     pub seed: u64,

@@ -113,7 +113,7 @@ mod tests {
     /// messages depend on it.
     #[test]
     fn every_number_states_its_unit() {
-        const UNITS: [&str; 18] = [
+        const UNITS: [&str; 19] = [
             "m",
             "m²",
             "m⁴",
@@ -131,6 +131,7 @@ mod tests {
             "V/(m/s²) or V/N",
             "m/s²",
             "m/s²/√Hz or N/√Hz",
+            "rad/m",
             "1/s and s",
         ];
         let mut schema = file_schema("/$defs");

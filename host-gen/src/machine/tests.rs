@@ -152,6 +152,7 @@ fn frame() -> MachineFile {
                 named("y19", "n19", 1),
             ]
             .into(),
+            rotation: None,
         },
         performance: PerformanceEntry {
             deformations: deformations.collect(),

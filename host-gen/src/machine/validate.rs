@@ -42,9 +42,13 @@ fn digest(file: &MachineFile) -> ModelDigest {
         samples: file.robustness.samples.min(DESIGN_SAMPLES),
         ..file.robustness.clone()
     });
+    let mut file = file.clone();
     let floor_band = match file.control.minimise {
         Minimise::Rms => Some(file.simulation.floor_band),
-        Minimise::Peaks => None,
+        Minimise::Peaks => {
+            file.floor.rotation = None;
+            None
+        }
     };
     let canonical = serde_json::to_vec(&(file, robustness, floor_band));
     let canonical = canonical.expect("numbers and strings serialise");
@@ -120,6 +124,10 @@ fn check(file: MachineFile) -> Checked<Machine> {
             )
             .fix("use one of base.nodes"));
         }
+    }
+    let rotation = file.floor.rotation.unwrap_or_default();
+    for part in rotation {
+        not_negative("floor.rotation", part, "rad/m")?;
     }
 
     let mut performance: Vec<_> = names
@@ -198,6 +206,7 @@ fn check(file: MachineFile) -> Checked<Machine> {
         accelerometers,
         force_sensors,
         floor,
+        rotation: Vector3::from(rotation),
         performance,
         bands,
         gravity: finite3("gravity", &file.gravity, ", in m/s²")?,

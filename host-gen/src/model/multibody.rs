@@ -542,6 +542,23 @@ impl Multibody {
             .expect("the floor inputs were checked to be independent")
     }
 
+    /// The floor inputs q_r of Eq. (8), m, that six independent motions of the base make, as
+    /// columns, 6×6: one m along x, y and z, and the rotations about x, y and z that the machine
+    /// has with each m of translation, through the mean position of the base's nodes.
+    pub fn rigid_base(&self, machine: &Machine) -> Matrix6<f64> {
+        let feet = machine.nodes.iter();
+        let feet = feet.filter(|node| node.carrier == Carrier::Base);
+        let (sum, count) = feet.fold((Vector3::zeros(), 0.0), |(sum, count), node| {
+            (sum + node.at, count + 1.0)
+        });
+        // Not 0/0: the floor inputs are at nodes of the base.
+        let mut motions = transport(&Vector3::zeros(), &(sum / count));
+        for (mut column, part) in motions.column_iter_mut().skip(3).zip(&machine.rotation) {
+            column *= *part;
+        }
+        self.floor * motions
+    }
+
     /// The translation of a node along a direction, m, as two rows: 6n entries from body
     /// coordinates, zero for a base node, and six from base motion.
     ///

@@ -448,7 +448,7 @@ limit = 200.0 # N, in either direction
 
 # Floor motion in the simulation.
 [simulation]
-floor_rms = 1e-3          # m/s² rms, of each floor input
+floor_rms = 1e-3          # m/s² rms, along each of x, y and z
 floor_band = [1.0, 200.0] # Hz
 
 # Sources of the numbers. State the sources of yours here.

@@ -3,6 +3,7 @@
 pub mod eigen;
 pub mod frequencies;
 pub mod pencil;
+pub mod quadrature;
 pub mod rows;
 pub mod singular;
 pub mod six;

@@ -37,6 +37,9 @@ pub struct Plant {
     /// columns, 6×6. With these as inputs, the rows [`Plant::whole`] are the identity at low
     /// frequency.
     pub rigid_floor: Matrix6<f64>,
+    /// Floor accelerations, m/s², that the independent motions of the base make, as columns, 6×6:
+    /// 1 m/s² along x, y and z, and the rotations that go with it, as [`Multibody::rigid_base`].
+    pub base: Matrix6<f64>,
 }
 
 impl Plant {
@@ -175,6 +178,7 @@ impl Plant {
             sensors,
             performance: count,
             rigid_floor: model.floor * rigid_modes,
+            base: model.rigid_base(machine),
         })
     }
 

@@ -397,7 +397,7 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
                 "session",
                 "A session, from control off to the closed loop",
                 format!(
-                    "The firmware's controller on the simulated machine, converters and noise included, on the floor of its file ({:e} m/s² rms, {} to {} Hz). All performance outputs together, rms over 50 ms. The self-test excites each leg in turn; then the loop is closed with a soft start.",
+                    "The firmware's controller on the simulated machine, converters and noise included, on the floor of its file ({:e} m/s² rms along each of x, y and z, {} to {} Hz). All performance outputs together, rms over 50 ms. The self-test excites each leg in turn; then the loop is closed with a soft start.",
                     machine.simulation.floor_rms,
                     machine.simulation.floor_band[0],
                     machine.simulation.floor_band[1],

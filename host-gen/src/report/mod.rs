@@ -173,7 +173,7 @@ impl Report {
                 poles: PoleAnalysis::new(study, table)?,
                 design: analysis?,
                 // The charts have the spectra.
-                floor: FloorAnalysis::new(study, name, SPECTRA, open, under).without_spectra(),
+                floor: FloorAnalysis::new(study, name, open, under).without_spectra(),
                 simulation,
                 phases: history.phases,
                 table_format: shared::table::FORMAT_VERSION,

@@ -1,16 +1,16 @@
-//! Band-limited noise: the motion of the floor.
+//! Band-limited noise: the motion of the base.
 
 use nalgebra::{Matrix4, RowVector4, Vector4};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use shared::LEGS;
 
 use crate::machine::Simulation;
 
-/// White noise through two second-order Butterworth filters, one at each end of the band.
+/// White noise through two second-order Butterworth filters, one at each end of the band:
+/// independent for each of the base's six motions, each with the rms of the settings.
 pub(super) struct BandNoise {
     filters: [Biquad; 2],
-    states: [[[f64; 2]; 2]; LEGS],
+    states: [[[f64; 2]; 2]; 6],
     scale: f64,
     random: ChaCha8Rng,
 }
@@ -85,14 +85,14 @@ impl BandNoise {
         ];
         Self {
             filters,
-            states: [[[0.0; 2]; 2]; LEGS],
+            states: [[[0.0; 2]; 2]; 6],
             // The filters scale the rms of white noise by the root of their energy.
             scale: settings.floor_rms / energy(&filters).sqrt(),
             random,
         }
     }
 
-    pub(super) fn sample(&mut self) -> [f64; LEGS] {
+    pub(super) fn sample(&mut self) -> [f64; 6] {
         core::array::from_fn(|i| {
             let white: f64 = StandardNormal.sample(&mut self.random);
             let mut x = white * self.scale;

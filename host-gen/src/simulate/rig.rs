@@ -3,7 +3,7 @@
 use core::ops::Range;
 use std::collections::VecDeque;
 
-use nalgebra::{Complex, DMatrix, DVectorView};
+use nalgebra::{Complex, DMatrix, DVectorView, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -117,8 +117,9 @@ impl Rig {
 
     /// Advances the floor to the next sampling instant and returns the ADC codes.
     pub fn sample(&mut self) -> Samples {
-        let next = self.floor_noise.sample().map(|x| x * self.floor_gain);
-        self.floor = [self.floor[1], next];
+        let motion = Vector6::from(self.floor_noise.sample());
+        let next = self.plant.plant.base * motion * self.floor_gain;
+        self.floor = [self.floor[1], next.into()];
         let seen = self.forces[self.plant.whole_periods];
         let [from_state, direct] = &self.sensors;
         let mut y = [[0.0; BLOCK]];

@@ -113,7 +113,7 @@ pub struct Comparison {
     pub outputs: Vec<String>,
     /// Evaluated time, s.
     pub duration_s: f64,
-    /// Rms acceleration of each floor input, m/s².
+    /// Rms acceleration of the base along each of x, y and z, m/s².
     pub floor_rms: f64,
     /// Lower and upper end of the floor's band, Hz.
     pub floor_band_hz: [f64; 2],

@@ -297,7 +297,8 @@ fn rms_in_time_is_rms_from_spectra() {
                 } else {
                     study.plant().response(hz).from_floor(rows.clone())
                 };
-                gain.row(row).norm_squared() * shape(hz) * step
+                let base = study.plant().plant.base.map(Complex::from);
+                (gain.row(row) * base).norm_squared() * shape(hz) * step
             })
             .sum();
         settings.floor_rms * (power / total).sqrt()

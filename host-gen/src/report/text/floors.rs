@@ -2,8 +2,8 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::aligned::{TITLE, cells, write_table};
-use crate::analysis::floors::{FloorAnalysis, FloorSide};
+use super::aligned::{TITLE, WARNING, cells, write_table};
+use crate::analysis::floors::FloorAnalysis;
 
 impl Display for FloorAnalysis {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
@@ -26,10 +26,12 @@ impl Display for FloorAnalysis {
             f,
             "  The shares are those of the power with the loop closed."
         )?;
-        writeln!(
-            f,
-            "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   main source, closed"
-        )?;
+        if !self.closed.thirds.is_empty() {
+            writeln!(
+                f,
+                "  Frame velocity in one-third octaves, worst of x, y, z, µm/s\n        Hz       open     closed   main source, closed"
+            )?;
+        }
         for (open, closed) in self.open.thirds.iter().zip(&self.closed.thirds) {
             writeln!(
                 f,
@@ -40,12 +42,22 @@ impl Display for FloorAnalysis {
                 closed.dominant
             )?;
         }
-        let name = |side: &FloorSide| side.criterion.unwrap_or("none of VC-A to VC-G");
+        if !self.judged.is_empty() {
+            writeln!(
+                f,
+                "  The frame meets {} without control and {} with control.",
+                self.meets(&self.open),
+                self.meets(&self.closed)
+            )?;
+        }
         writeln!(
             f,
-            "  The frame meets {} without control and {} with control.",
-            name(&self.open),
-            name(&self.closed)
-        )
+            "  With control a leg needs up to {:.1} N rms; three sigma are {:.0} N, the limit is {:.0} N.",
+            self.legs.rms, self.legs.three_sigma, self.legs.limit
+        )?;
+        for warning in &self.warnings {
+            writeln!(f, "  {WARNING}Warning:{WARNING:#} {warning}.")?;
+        }
+        Ok(())
     }
 }

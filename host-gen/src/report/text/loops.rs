@@ -120,7 +120,7 @@ fn level(db: f64, otherwise: &str) -> String {
 pub(super) fn write_simulation(f: &mut Formatter<'_>, s: &Comparison) -> fmt::Result {
     writeln!(
         f,
-        "{TITLE}Software in the loop: {} s on a floor of {:.1e} m/s² rms, {} to {} Hz, seed {}{TITLE:#}",
+        "{TITLE}Software in the loop: {} s on a floor of {:.1e} m/s² rms along each axis, {} to {} Hz, seed {}{TITLE:#}",
         s.duration_s, s.floor_rms, s.floor_band_hz[0], s.floor_band_hz[1], s.seed
     )?;
     let head = cells([
@@ -147,5 +147,12 @@ pub(super) fn write_simulation(f: &mut Formatter<'_>, s: &Comparison) -> fmt::Re
         f,
         "  largest leg force {:.1} N; clamp active in {}, sensor at a rail in {} of {} steps",
         s.closed.force_peak, s.closed.clamped_steps, s.closed.railed_steps, s.closed.steps
-    )
+    )?;
+    if s.closed.clamped_steps > 0 {
+        writeln!(
+            f,
+            "  {WARNING}Warning:{WARNING:#} the legs reached their force limits, so the loop did not always act as designed."
+        )?;
+    }
+    Ok(())
 }

@@ -128,6 +128,10 @@ function waiting(m) {
   return m.closed ? "" : `<p class="warning">No closed loop: ${escape(m.missing)}</p>`;
 }
 
+function warned(warnings) {
+  return warnings.map((w) => `<p class="warning">Warning: ${escape(w)}</p>`).join("");
+}
+
 function glance(m) {
   const suspension = of_kind(m, "suspension"), internal = of_kind(m, "internal");
   const cards = [[from_to(suspension), "suspension modes without control"]];
@@ -149,8 +153,9 @@ function glance(m) {
   const card = ([value, text]) => `<div class="card"><b>${value}</b><span>${text}</span></div>`;
   const warnings = [...m.warnings];
   if (m.closed && !m.closed.design.shaped.soft_start) warnings.push("the loop is not stable at every gain of the soft start");
+  if (m.closed) warnings.push(...m.closed.floor.warnings.map((w) => `on the floor ${m.closed.floor.floor}, ${w}`));
   const said = warnings.length
-    ? warnings.map((w) => `<p class="warning">Warning: ${escape(w)}</p>`).join("")
+    ? warned(warnings)
     : m.closed ? `<p class="good">The sampled loop is ${m.closed.poles.stable ? "stable" : "unstable"}; no warnings.</p>` : "";
   return `<p>${words}</p>${waiting(m)}<div class="cards">${cards.map(card).join("")}</div>${said}${charts_of(m, "session")}`;
 }
@@ -253,7 +258,7 @@ function vibration(m) {
   const f = m.closed.floor;
   const meets = (side) => side.criterion ?? "none of VC-A to VC-G";
   const rows = f.closed.thirds.map((t, i) => [fixed(t.hz), short(1e6 * f.open.thirds[i].velocity, 3), short(1e6 * t.velocity, 3), t.dominant]);
-  return `<p>On a floor at the limit of ${escape(f.floor)}, the frame meets ${meets(f.open)} without control and ${meets(f.closed)} with control.</p>${charts_of(m, "vibration", "spectrum")}
+  return `<p>On a floor at the limit of ${escape(f.floor)}, the frame meets ${meets(f.open)} without control and ${meets(f.closed)} with control. A leg needs up to ${short(f.legs.rms, 3)} N rms; three sigma are ${short(f.legs.three_sigma, 3)} N, the limit is ${short(f.legs.limit, 3)} N.</p>${warned(f.warnings)}${charts_of(m, "vibration", "spectrum")}
     <details><summary>One-third octaves</summary>${table(["Hz", "open, µm/s", "closed, µm/s", "main source, closed"], rows, 0)}</details>`;
 }
 
@@ -262,7 +267,7 @@ function time(m) {
   const s = m.closed.simulation;
   const rows = s.outputs.map((name, i) => [escape(name), short(s.open.rms[i], 3), short(s.closed.rms[i], 3), short(s.open.peak[i], 3), short(s.closed.peak[i], 3), fixed(20 * Math.log10(s.closed.rms[i] / s.open.rms[i]))]);
   return `${charts_of(m, "close-up", "forces")}<h3>${short(s.duration_s)} s of the closed loop</h3>
-    <p class="note">Floor of ${short(s.floor_rms)} m/s² rms on each input, ${s.floor_band_hz.map((x) => short(x)).join(" to ")} Hz, seed ${s.seed}. Of ${s.closed.steps} steps, ${s.closed.clamped_steps} with the clamp active and ${s.closed.railed_steps} with a sensor at a rail. Largest force ${fixed(s.closed.force_peak)} N.</p>
+    <p class="note">Floor of ${short(s.floor_rms)} m/s² rms along each of x, y and z, ${s.floor_band_hz.map((x) => short(x)).join(" to ")} Hz, seed ${s.seed}. Of ${s.closed.steps} steps, ${s.closed.clamped_steps} with the clamp active and ${s.closed.railed_steps} with a sensor at a rail. Largest force ${fixed(s.closed.force_peak)} N.</p>
     ${table(["m/s²", "rms open", "rms closed", "peak open", "peak closed", "rms, dB"], rows)}`;
 }
 
@@ -280,7 +285,7 @@ function gains(m) {
 function assumptions(m) {
   const rows = m.statements.map((s) => [s.kind, escape(s.from), s.entries.map((e) => `<code>${escape(e)}</code>`).join(", ")]);
   const none = `<p class="warning">The file does not state the source of its numbers: see [[provenance]] in docs/machine-file.md.</p>`;
-  const model = ["Small motions about the position given in the file; rigid bodies, massless beams.", "The base is rigid; its six inputs determine its motion.", "Between samples, the acceleration of the floor is linear in time and the outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; the hysteresis of the piezos is not in the model.",
+  const model = ["Small motions about the position given in the file; rigid bodies, massless beams.", "The base is rigid; its six inputs determine its motion. A floor vibrates along x, y and z, independently.", "Between samples, the acceleration of the floor is linear in time and the outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; the hysteresis of the piezos is not in the model.",
     m.modes.leg_loads.length ? "Gravity is included, and static loads change the stiffness." : "Gravity is not included: the file does not give it."];
   return `${rows.length ? table(["", "source", "numbers"], rows, 3) : none}<h3>Assumptions of the model</h3><ul>${model.map((x) => `<li>${x}</li>`).join("")}</ul>`;
 }
