@@ -53,8 +53,6 @@ pub enum Failure {
     Fault(String),
     #[error(transparent)]
     Plot(#[from] PlotError),
-    #[error("--{flag} must be finite and at least {least}")]
-    Least { flag: &'static str, least: f64 },
     #[error("--{flag} must be from {least} to {most:e}")]
     Between {
         flag: &'static str,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::floors::FloorAnalysis;
-use host_gen::analysis::vibration::{Floor, LOWEST, STRONGEST, Spectrum, both_budgets};
+use host_gen::analysis::vibration::{Floor, STRONGEST, Spectrum, both_budgets};
 
 use crate::arguments::{Common, band, criterion};
 use crate::failure::{Failure, in_loop};
@@ -69,12 +69,6 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
         }
     };
     let study = study(model)?;
-    if from < LOWEST {
-        return Err(Failure::Least {
-            flag: "from",
-            least: LOWEST,
-        });
-    }
     let nyquist = 0.5 * study.machine().board.sample_rate;
     within("to", to, from, nyquist, "Hz, half the sample rate")?;
     let [low, high] = floor.range();

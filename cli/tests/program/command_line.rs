@@ -381,7 +381,7 @@ fn floors_are_refused_truly(model: &str, folder: &Path) {
         (
             "all.txt".to_owned(),
             &["--from", "1e-9"],
-            "--from must be finite and at least 0.0001",
+            "--from must be 1e-4 to 1e6 Hz",
         ),
     ] {
         let failed = on(&spectrum, more);

@@ -158,7 +158,7 @@ fn flags_beyond_their_limits() {
         ),
         (
             &["sigma", "quick.toml", "--points", "100000000"],
-            "--points must be from 2 to 1e5",
+            "2..=100000",
         ),
         (&["sigma", "quick.toml", "--points", "0"], "--points"),
         (
@@ -168,7 +168,7 @@ fn flags_beyond_their_limits() {
         (&["floor", "quick.toml", "--white", "1e300"], "--white"),
     ] {
         let output = host_gen(flags, folder.path());
-        assert_eq!(output.status.code(), Some(1));
+        assert!(!output.status.success());
         assert!(
             text(&output.stderr).contains(says),
             "{}",

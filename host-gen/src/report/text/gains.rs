@@ -9,8 +9,11 @@ use crate::closed_loop::Pole;
 
 fn write_rows(f: &mut Formatter<'_>, title: &str, rows: &Rows) -> fmt::Result {
     writeln!(f, "{title}")?;
+    // Entries that are zero by symmetry differ from zero by rounding.
+    let largest = rows.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
     for row in rows {
         for x in row {
+            let x = if x.abs() < 1e-12 * largest { 0.0 } else { *x };
             write!(f, "{x:>13.4e}")?;
         }
         writeln!(f)?;
