@@ -80,11 +80,6 @@ impl Searcher {
     }
 }
 
-/// What is suspicious about the machine of a study.
-pub fn warnings(model: &Path, study: &Study) -> Result<Vec<String>, Failure> {
-    host_gen::analysis::warnings::warnings(study).map_err(in_loop(model))
-}
-
 /// The study of a machine file.
 pub fn study(model: &Path) -> Result<Study, Failure> {
     Ok(Study::new(Machine::load(model)?)?)

@@ -5,9 +5,11 @@ use host_gen::report::campaign::CampaignSummary;
 use host_gen::simulate::faults::{Defect, campaign as run};
 
 use crate::arguments::Common;
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::Failure;
 use crate::print;
-use crate::search::{Bar, Searcher, study, warnings};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct CampaignArguments {
@@ -33,7 +35,7 @@ pub fn campaign(arguments: &CampaignArguments, searcher: &Searcher) -> Result<()
     }
     let outcomes = run(&study, &design.table, &cases, &Bar::of(cases.len()));
     let campaign = CampaignSummary::new(&study, outcomes);
-    print::warned(*format, &campaign, &warnings(model, &study)?)?;
+    print::warned(*format, &campaign, &warnings(&study))?;
     if campaign.is_safe() {
         Ok(())
     } else {

@@ -5,9 +5,11 @@ use host_gen::analysis::compare::MachineComparison;
 use host_gen::design::DesignedStudy;
 
 use crate::arguments::{Format, Several};
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::{Failure, in_study};
 use crate::print;
-use crate::search::{Bar, Searcher, warnings};
+use crate::search::{Bar, Searcher};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -25,7 +27,7 @@ pub fn compare(arguments: &CompareArguments, searcher: &Searcher) -> Result<(), 
     let comparison = comparison.map_err(in_study(&arguments.several.models[0]))?;
     let mut all = Vec::new();
     for DesignedStudy { study, .. } in &studies {
-        for warning in warnings(&arguments.several.models[0], study)? {
+        for warning in warnings(study) {
             let warning = format!("{}: {warning}", study.machine().name);
             if !all.contains(&warning) {
                 all.push(warning);

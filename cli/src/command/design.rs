@@ -4,9 +4,11 @@ use clap::Args;
 use host_gen::analysis::controller::DesignAnalysis;
 
 use crate::arguments::Common;
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::{Failure, in_loop, in_study};
 use crate::print;
-use crate::search::{Bar, Searcher, study, warnings};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct DesignArguments {
@@ -26,5 +28,5 @@ pub fn design(arguments: &DesignArguments, searcher: &Searcher) -> Result<(), Fa
         let charted = analysis.with_other_boards(&study, searcher.cache(), &Bar::search());
         analysis = charted.map_err(in_study(model))?;
     }
-    print::warned(*format, &analysis, &warnings(model, &study)?)
+    print::warned(*format, &analysis, &warnings(&study))
 }

@@ -9,9 +9,11 @@ use host_gen::analysis::floors::FloorAnalysis;
 use host_gen::analysis::vibration::{Floor, STRONGEST, Spectrum, both_budgets};
 
 use crate::arguments::{Common, band, criterion};
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::{Failure, in_loop};
 use crate::print;
-use crate::search::{Searcher, study, warnings};
+use crate::search::{Searcher, study};
 
 #[derive(Args)]
 pub struct FloorArguments {
@@ -88,7 +90,7 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
     print::warned(
         *format,
         &FloorAnalysis::new(&study, name, open, closed),
-        &warnings(model, &study)?,
+        &warnings(&study),
     )
 }
 

@@ -5,27 +5,25 @@ use host_gen::analysis::modes::ModeAnalysis;
 use host_gen::analysis::zeros::ZeroAnalysis;
 
 use crate::arguments::Common;
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::{Failure, in_loop, in_study};
 use crate::print;
-use crate::search::{study, warnings};
+use crate::search::study;
 
 pub fn modes(Common { model, format }: &Common) -> Result<(), Failure> {
     let study = study(model)?;
-    print::warned(
-        *format,
-        &ModeAnalysis::new(&study),
-        &warnings(model, &study)?,
-    )
+    print::warned(*format, &ModeAnalysis::new(&study), &warnings(&study))
 }
 
 pub fn gains(Common { model, format }: &Common) -> Result<(), Failure> {
     let study = study(model)?;
     let gains = GainAnalysis::new(&study).map_err(in_loop(model))?;
-    print::warned(*format, &gains, &warnings(model, &study)?)
+    print::warned(*format, &gains, &warnings(&study))
 }
 
 pub fn zeros(Common { model, format }: &Common) -> Result<(), Failure> {
     let study = study(model)?;
     let zeros = ZeroAnalysis::new(study.machine()).map_err(in_study(model))?;
-    print::warned(*format, &zeros, &warnings(model, &study)?)
+    print::warned(*format, &zeros, &warnings(&study))
 }

@@ -9,10 +9,12 @@ use host_gen::design::Study;
 use host_gen::plant::export::{Generalised, matrix_market, plain_text};
 
 use crate::arguments::Common;
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::print;
-use crate::search::{study, warnings};
+use crate::search::study;
 
 #[derive(Args)]
 pub struct PlantArguments {
@@ -45,5 +47,5 @@ pub fn plant(arguments: &PlantArguments) -> Result<(), Failure> {
             }
         }
     }
-    print::warned(*format, &report, &warnings(model, &study)?)
+    print::warned(*format, &report, &warnings(&study))
 }

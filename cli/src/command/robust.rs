@@ -4,9 +4,11 @@ use clap::Args;
 use host_gen::analysis::robustness::{RobustnessAnalysis, monte_carlo};
 
 use crate::arguments::{Common, count};
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::{Failure, in_study};
 use crate::print;
-use crate::search::{Bar, Searcher, study, warnings};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct RobustArguments {
@@ -38,6 +40,6 @@ pub fn robust(arguments: &RobustArguments, searcher: &Searcher) -> Result<(), Fa
     print::warned(
         *format,
         &RobustnessAnalysis::new(study.machine(), &settings, spread),
-        &warnings(model, &study)?,
+        &warnings(&study),
     )
 }

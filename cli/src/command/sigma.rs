@@ -5,9 +5,11 @@ use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
 use host_gen::design::DesignedStudy;
 
 use crate::arguments::{Common, band, count, positive};
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::{Failure, in_loop};
 use crate::print;
-use crate::search::{Bar, Searcher, study, warnings};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct SigmaArguments {
@@ -44,5 +46,5 @@ pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Fail
     let machine = study.machine();
     let studies = DesignedStudy::by_feedback(machine, &searcher.full(&Bar::search()))?;
     let sigma = SigmaAnalysis::new(machine, &studies, frequencies).map_err(in_loop(model))?;
-    print::warned(*format, &sigma, &warnings(model, &study)?)
+    print::warned(*format, &sigma, &warnings(&study))
 }

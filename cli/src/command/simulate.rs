@@ -7,9 +7,11 @@ use host_gen::report::summary::SimulateSummary;
 use host_gen::simulate::run::{Comparison, compare, reports};
 
 use crate::arguments::{Common, positive};
+use host_gen::analysis::warnings::warnings;
+
 use crate::failure::Failure;
 use crate::print;
-use crate::search::{Bar, Searcher, study, warnings};
+use crate::search::{Bar, Searcher, study};
 
 #[derive(Args)]
 pub struct SimulateArguments {
@@ -45,7 +47,7 @@ pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<()
     print::warned(
         arguments.common.format,
         &SimulateSummary::new(&study, design, simulation),
-        &warnings(model, &study)?,
+        &warnings(&study),
     )
 }
 

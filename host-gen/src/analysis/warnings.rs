@@ -8,7 +8,6 @@ use crate::design::study::Growth;
 use crate::machine::{Beam, Body, Carrier, Certainty, FeedbackKind, Machine, Provenance};
 use crate::model::gravity::buckling_load;
 use crate::model::independence::reach;
-use crate::numeric::NumericError;
 
 /// The source of some of a machine's numbers.
 #[derive(Debug, Serialize)]
@@ -35,10 +34,7 @@ impl Statement {
 
 /// What is suspicious about a machine, in words: numbers that look like another unit, legs that
 /// buckle, and instability under gravity. Empty if there is nothing.
-///
-/// # Errors
-/// [`NumericError`] if an eigenvalue iteration does not converge.
-pub fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
+pub fn warnings(study: &Study) -> Vec<String> {
     let mut warnings = units(study.machine());
     let statics = &study.model().statics;
     let loads = statics.axial.iter().zip(&statics.buckled);
@@ -63,19 +59,20 @@ pub fn warnings(study: &Study) -> Result<Vec<String>, NumericError> {
         ));
     }
     if study.design_model().feedback != FeedbackKind::Both {
-        match study.growth()? {
-            None => {}
-            Some(Growth::Weight) => warnings.push(
+        match study.growth() {
+            Ok(None) => {}
+            Err(error) => warnings.push(format!("no transmission zeros are known: {error}")),
+            Ok(Some(Growth::Weight)) => warnings.push(
                 "with the sensor outputs held at zero, the machine is unstable under gravity: see host-gen zeros"
                     .to_owned(),
             ),
-            Some(Growth::Placement) => warnings.push(
+            Ok(Some(Growth::Placement)) => warnings.push(
                 "from leg forces to sensors there is an unstable zero, which limits the gain: see host-gen zeros"
                     .to_owned(),
             ),
         }
     }
-    Ok(warnings)
+    warnings
 }
 
 /// A distance and a radius of gyration, a section and a length, whose ratio exceeds this do not

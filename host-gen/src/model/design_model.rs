@@ -271,6 +271,10 @@ const HOLDS: f64 = 0.1;
 /// and it is another one if its strains differ by this part from combinations of those before.
 const STRAINS: f64 = 0.1;
 
+/// Modes that strain the legs are not those of the suspension if the square of their frequencies is
+/// this much above those of the machine as a whole: then the legs are stiff parts of it.
+const ABOVE: f64 = 100.0;
+
 /// Reduced models whose natural frequencies differ by less than this part are the same.
 const SAME: f64 = 1e-9;
 
@@ -310,13 +314,19 @@ impl Suspension {
             .as_ref()
             .and_then(Self::squares)
             .is_some_and(|squares| near(&rigid, squares.as_slice(), SAME));
+        let far_above = |modes: &Self, other: &Option<Self>| {
+            let [own, other] = [Some(modes), other.as_ref()].map(|m| m.and_then(Self::squares));
+            own.zip(other)
+                .is_some_and(|(own, other)| own.min() > ABOVE * other.max().abs())
+        };
         let found = match suspension_modes(machine, model) {
             Some((squares, _)) if near(&condensed, &squares, HOLDS) && !same => condensed,
             Some((squares, _)) if near(&rigid, &squares, HOLDS) => rigid,
-            Some((_, shapes)) => Self::along(model, Reduction::Modes, shapes)
-                .or(condensed)
-                .or(rigid),
-            None => rigid.or(condensed),
+            modes => modes
+                .and_then(|(_, shapes)| Self::along(model, Reduction::Modes, shapes))
+                .filter(|modes| !far_above(modes, &rigid) && !far_above(modes, &condensed))
+                .or(rigid)
+                .or(condensed),
         };
         found.ok_or_else(|| singular_legs(machine, independent.unwrap_or(0)))
     }

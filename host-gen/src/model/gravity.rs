@@ -7,8 +7,7 @@
 //! body that rotates moves the points at which forces act on it.
 //!
 //! A beam has no mass, so its inner points are in equilibrium at any time. A loaded beam is divided
-//! into [`PARTS`] elements and reduced to its two ends, which gives the stiffness near buckling,
-//! too.
+//! into elements and reduced to its two ends, which gives the stiffness near buckling, too.
 
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Matrix3, RowDVector, Vector3};

@@ -552,7 +552,7 @@ impl Multibody {
             (sum + node.at, count + 1.0)
         });
         // Not 0/0: the floor inputs are at nodes of the base.
-        let mut motions = transport(&Vector3::zeros(), &(sum / count));
+        let mut motions = transport(&self.centre, &(sum / count));
         for (mut column, part) in motions.column_iter_mut().skip(3).zip(&machine.rotation) {
             column *= *part;
         }

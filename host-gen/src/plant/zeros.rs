@@ -72,10 +72,22 @@ fn of_six(
     f.view_mut((0, 0), (states, states)).copy_from(&plant.a);
     f.view_mut((0, states), (states, LEGS))
         .copy_from(&plant.b.columns(LEGS, LEGS));
-    f.view_mut((states, 0), (LEGS, states))
-        .copy_from(&plant.c.rows(first, LEGS));
-    f.view_mut((states, states), (LEGS, LEGS))
-        .copy_from(&plant.d.view((first, LEGS), (LEGS, LEGS)));
+    let stiff = (0..modes).all(|k| own(k) > SLOW * fastest);
+    let positions = accelerometers && stiff;
+    if positions {
+        // Accelerometers read z̈ = −Λ·z − … at rest: their positions have the same zeros but for
+        // the twelve at s = 0.
+        for k in 0..modes {
+            let square = plant.a[(modes + k, k)];
+            let column = plant.c.view((first, k), (LEGS, 1)) / square;
+            f.view_mut((states, k), (LEGS, 1)).copy_from(&column);
+        }
+    } else {
+        f.view_mut((states, 0), (LEGS, states))
+            .copy_from(&plant.c.rows(first, LEGS));
+        f.view_mut((states, states), (LEGS, LEGS))
+            .copy_from(&plant.d.view((first, LEGS), (LEGS, LEGS)));
+    }
     f.rows_mut(0, states).unscale_mut(fastest);
     for k in 0..modes {
         let own = own(k).max(SLOW * fastest);
@@ -93,7 +105,7 @@ fn of_six(
     let mut e = DMatrix::zeros(size, size);
     e.view_mut((0, 0), (states, states)).fill_with_identity();
     let finite = finite_eigenvalues(e, f)?;
-    let at_zero = if accelerometers {
+    let at_zero = if accelerometers && !positions {
         finite.at_zero.saturating_sub(2 * LEGS)
     } else {
         finite.at_zero

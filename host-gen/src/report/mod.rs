@@ -206,7 +206,7 @@ impl Report {
             charts,
             drawings: charts::drawings(study),
             statements: machine.provenance.iter().map(Statement::new).collect(),
-            warnings: warnings(study)?,
+            warnings: warnings(study),
             not_shown: sigma.missing,
             own: own.clone(),
         })

@@ -68,7 +68,7 @@ impl GenerateSummary {
             shaped,
             table,
             simulation,
-            warnings: warnings(study)?,
+            warnings: warnings(study),
             not_published: machine
                 .provenance
                 .iter()

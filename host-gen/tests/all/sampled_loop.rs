@@ -371,7 +371,7 @@ fn other_boards() {
     for edits in [
         vec![
             ("control.feedback", "\"force\""),
-            ("control.frequency", "4.0"),
+            ("control.frequency", "5.0"),
         ],
         vec![
             ("board.sample_rate", "50e3"),
