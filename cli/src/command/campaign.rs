@@ -1,12 +1,11 @@
 //! `host-gen campaign`.
 
 use clap::Args;
+use host_gen::analysis::warnings::warnings;
 use host_gen::report::campaign::CampaignSummary;
 use host_gen::simulate::faults::{Defect, campaign as run};
 
 use crate::arguments::Common;
-use host_gen::analysis::warnings::warnings;
-
 use crate::failure::Failure;
 use crate::print;
 use crate::search::{Bar, Searcher, study};

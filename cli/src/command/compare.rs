@@ -2,11 +2,10 @@
 
 use clap::Args;
 use host_gen::analysis::compare::MachineComparison;
+use host_gen::analysis::warnings::warnings;
 use host_gen::design::DesignedStudy;
 
 use crate::arguments::{Format, Several};
-use host_gen::analysis::warnings::warnings;
-
 use crate::failure::{Failure, in_study};
 use crate::print;
 use crate::search::{Bar, Searcher};

@@ -2,10 +2,9 @@
 
 use clap::Args;
 use host_gen::analysis::controller::DesignAnalysis;
-
-use crate::arguments::Common;
 use host_gen::analysis::warnings::warnings;
 
+use crate::arguments::Common;
 use crate::failure::{Failure, in_loop, in_study};
 use crate::print;
 use crate::search::{Bar, Searcher, study};

@@ -7,10 +7,9 @@ use clap::Args;
 use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::floors::FloorAnalysis;
 use host_gen::analysis::vibration::{Floor, STRONGEST, Spectrum, both_budgets};
-
-use crate::arguments::{Common, band, criterion};
 use host_gen::analysis::warnings::warnings;
 
+use crate::arguments::{Common, band, criterion};
 use crate::failure::{Failure, in_loop};
 use crate::print;
 use crate::search::{Searcher, study};

@@ -2,11 +2,10 @@
 
 use host_gen::analysis::gains::GainAnalysis;
 use host_gen::analysis::modes::ModeAnalysis;
+use host_gen::analysis::warnings::warnings;
 use host_gen::analysis::zeros::ZeroAnalysis;
 
 use crate::arguments::Common;
-use host_gen::analysis::warnings::warnings;
-
 use crate::failure::{Failure, in_loop, in_study};
 use crate::print;
 use crate::search::study;

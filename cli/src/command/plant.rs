@@ -5,12 +5,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use host_gen::analysis::plant_matrices::PlantMatrices;
+use host_gen::analysis::warnings::warnings;
 use host_gen::design::Study;
 use host_gen::plant::export::{Generalised, matrix_market, plain_text};
 
 use crate::arguments::Common;
-use host_gen::analysis::warnings::warnings;
-
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::print;

@@ -1,10 +1,9 @@
 //! `host-gen poles`.
 
 use host_gen::analysis::poles::PoleAnalysis;
-
-use crate::arguments::Common;
 use host_gen::analysis::warnings::warnings;
 
+use crate::arguments::Common;
 use crate::failure::{Failure, in_loop};
 use crate::print;
 use crate::search::{Searcher, study};

@@ -2,10 +2,9 @@
 
 use clap::Args;
 use host_gen::analysis::robustness::{RobustnessAnalysis, monte_carlo};
-
-use crate::arguments::{Common, count};
 use host_gen::analysis::warnings::warnings;
 
+use crate::arguments::{Common, count};
 use crate::failure::{Failure, in_study};
 use crate::print;
 use crate::search::{Bar, Searcher, study};

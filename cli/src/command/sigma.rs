@@ -2,11 +2,10 @@
 
 use clap::Args;
 use host_gen::analysis::sigma::{Frequencies, SigmaAnalysis};
+use host_gen::analysis::warnings::warnings;
 use host_gen::design::DesignedStudy;
 
 use crate::arguments::{Common, band, count, positive};
-use host_gen::analysis::warnings::warnings;
-
 use crate::failure::{Failure, in_loop};
 use crate::print;
 use crate::search::{Bar, Searcher, study};

@@ -1,14 +1,13 @@
 //! `host-gen simulate`.
 
 use clap::Args;
+use host_gen::analysis::warnings::warnings;
 use host_gen::design::{Design, Study};
 use host_gen::machine::Simulation;
 use host_gen::report::summary::SimulateSummary;
 use host_gen::simulate::run::{Comparison, compare, reports};
 
 use crate::arguments::{Common, positive};
-use host_gen::analysis::warnings::warnings;
-
 use crate::failure::Failure;
 use crate::print;
 use crate::search::{Bar, Searcher, study};

@@ -202,6 +202,13 @@ impl<'a> Reach<'a> {
         let slowest = self.zeros.iter().filter(|s| s.im > 0.0);
         let slowest = slowest.map(|s| s.norm() / TAU);
         let slowest = slowest.fold(f64::INFINITY, f64::min);
+        let zero = if slowest < modes[LEGS - 1] {
+            format!(
+                "; with its sensors held at zero, the machine still moves, from {slowest:.2} Hz on (host-gen zeros)"
+            )
+        } else {
+            String::new()
+        };
         let mut reason = match (miss, limited) {
             (Miss::Error(error), _) => return Err(error),
             (_, Some(ideal)) => format!(
@@ -209,22 +216,13 @@ impl<'a> Reach<'a> {
                 target.feedback.name()
             ),
             (Miss::Late { ideal, sampled }, None) => format!(
-                "the best loop found with {delay:.0} µs of delay isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz"
+                "the best loop found with {delay:.0} µs of delay isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz{zero}"
             ),
-            (Miss::Unstable, None) => {
-                let zero = if slowest < modes[LEGS - 1] {
-                    format!(
-                        "; with its sensors held at zero, the machine still moves, from {slowest:.2} Hz on (host-gen zeros)"
-                    )
-                } else {
-                    String::new()
-                };
-                format!(
-                    "with {delay:.0} µs of delay, no shaping was found that gives a stable sampled loop with a peak sensitivity of at most {} and isolation from {:.2} Hz{zero}",
-                    target.max_sensitivity,
-                    CORNER_SLACK * target.isolation_hz()
-                )
-            }
+            (Miss::Unstable, None) => format!(
+                "with {delay:.0} µs of delay, no shaping was found that gives a stable sampled loop with a peak sensitivity of at most {} and isolation from {:.2} Hz{zero}",
+                target.max_sensitivity,
+                CORNER_SLACK * target.isolation_hz()
+            ),
         };
         // With both kinds, what one cannot stabilise the other may.
         if target.feedback != FeedbackKind::Both {

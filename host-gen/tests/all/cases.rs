@@ -276,11 +276,11 @@ fn a_target_far_below_reach_is_refused() {
     assert!((hz / 58.0 - 1.0).abs() < 0.05, "{refusal}");
 }
 
-/// A column on the frame swings at 21.6 Hz while accelerometers hold the frame. Neither 2 nor 3.5 Hz
+/// A column on the frame swings at 21.6 Hz while accelerometers hold the frame. Neither 2 nor 3.9 Hz
 /// is reached, and the refusal says so and what both kinds of sensors reach.
 #[test]
 fn a_limit_by_zeros_is_named() {
-    let edit = [("frequency = 2.0", "frequency = 3.5")];
+    let edit = [("frequency = 2.0", "frequency = 3.9")];
     let refusal = refusal(&edited_case("machines/column-on-frame.toml", &edit));
     assert!(refusal.reason.contains("21.6"), "{refusal}");
     let Advice::Nearest(own) = refusal.advice else {

@@ -131,7 +131,8 @@ impl Display for ModeAnalysis {
         }
         write!(f, "  Design model ({}), Hz:", self.reduction)?;
         for hz in self.rigid_modes_hz {
-            write!(f, " {hz:.3}")?;
+            let decimals = if hz < 1e4 { 3 } else { 0 };
+            write!(f, " {hz:.decimals$}")?;
         }
         writeln!(f)?;
         if !self.leg_loads.is_empty() {
