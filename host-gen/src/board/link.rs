@@ -404,9 +404,11 @@ impl Client {
             }
             match client.command(Request::Inject(nothing)) {
                 // Meanwhile the mode has changed, which ends a test signal.
-                Ok(()) | Err(LinkError::Refused(Refusal::Mode)) => Ok(true),
-                Err(error) => Err(error),
+                Ok(()) | Err(LinkError::Refused(Refusal::Mode)) => {}
+                Err(error) => return Err(error),
             }
+            client.wait_for(|report| report.injecting == 0)?;
+            Ok(true)
         })
     }
 
