@@ -7,4 +7,5 @@ mod files;
 mod link;
 #[path = "../../../tests/src/near.rs"]
 mod near;
+mod run;
 mod snapshots;

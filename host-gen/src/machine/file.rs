@@ -616,7 +616,7 @@ pub struct SupervisionSettings {
     /// Time for which a force may be clamped before it is a fault, s. Default: one period
     /// of `control.frequency`.
     pub saturated: Option<f64>,
-    /// Time without a message on the link, while the legs are driven, that is a fault, s: if
+    /// Time without a message on the link, while the legs are driven, that is a fault, s. If
     /// the host is gone, the loop opens. At most 3600 s. 0 disables this check: set it if the
     /// loop is to run without a host. Test signals end after 5 s of silence in any case.
     pub silence: f64,

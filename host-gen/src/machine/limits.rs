@@ -171,6 +171,13 @@ const ALL: &[Limits] = &[
         "it is a unit vector",
     ),
     limits(
+        "floor.rotation",
+        0.0,
+        1e3,
+        "rad/m",
+        "a base that turns by more hardly moves",
+    ),
+    limits(
         "floor.inputs.*.direction",
         0.0,
         2.0,

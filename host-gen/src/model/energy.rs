@@ -21,9 +21,9 @@ pub struct Share {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// At least half of the strain energy is in beams that end on the base.
+    /// At least half of the strain energy is in beams with an actuator or an end on the base.
     Suspension,
-    /// More than half of the strain energy is in beams between bodies.
+    /// More than half of the strain energy is in other beams between bodies.
     Internal,
 }
 
@@ -79,15 +79,12 @@ fn of_group(
         .map(|factor| (factor * shapes).norm_squared())
         .collect();
     let total: f64 = strain.iter().sum();
-    let on_base: f64 = machine
-        .beams
-        .iter()
-        .zip(&strain)
-        .filter(|(beam, _)| {
+    let in_legs: f64 = (0..machine.beams.len())
+        .filter(|beam| {
             let base = |end: usize| machine.nodes[end].carrier == Carrier::Base;
-            beam.ends.into_iter().any(base)
+            machine.actuators.contains(beam) || machine.beams[*beam].ends.into_iter().any(base)
         })
-        .map(|(_, energy)| energy)
+        .map(|beam| strain[beam])
         .sum();
     let kinetic = machine.bodies.iter().enumerate().map(|(i, body)| {
         let part = shapes.rows(6 * i, 6);
@@ -114,7 +111,7 @@ fn of_group(
     });
     let largest = of_nodes.chain(of_bodies).fold(0.0, f64::max);
     Energies {
-        kind: if on_base >= 0.5 * total {
+        kind: if in_legs >= 0.5 * total {
             Kind::Suspension
         } else {
             Kind::Internal
