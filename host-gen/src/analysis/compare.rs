@@ -8,7 +8,6 @@ use crate::closed_loop::Pole;
 use crate::design::{Design, DesignedStudy, Study, StudyError};
 use crate::machine::FeedbackKind;
 use crate::model::energy::{Kind, energies};
-use crate::plant::zeros::transmission_zeros;
 
 /// Result of `host-gen compare`: key figures of several machines side by side.
 #[derive(Debug, Serialize)]
@@ -59,7 +58,7 @@ impl MachineColumn {
             let Some(study) = kinds.find(|study| study.design_model().feedback == feedback) else {
                 return Ok(Vec::new());
             };
-            let zeros = transmission_zeros(&study.plant().plant.state_space, feedback)?;
+            let zeros = study.zeros()?;
             let upper = zeros.into_iter().filter(|s| s.im >= 0.0);
             Ok(upper.map(|s| Pole::from(s).hz).collect())
         };

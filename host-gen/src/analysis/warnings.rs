@@ -59,7 +59,7 @@ pub fn warnings(study: &Study) -> Vec<String> {
         ));
     }
     if study.design_model().feedback != FeedbackKind::Both {
-        match study.growth() {
+        match study.zeros().and_then(|zeros| study.growth(&zeros)) {
             Ok(None) => {}
             Err(error) => warnings.push(format!("no transmission zeros are known: {error}")),
             Ok(Some(Growth::Weight)) => warnings.push(

@@ -9,7 +9,6 @@ use crate::design::study::Growth;
 use crate::design::{Study, StudyError};
 use crate::machine::Machine;
 use crate::numeric::NumericError;
-use crate::plant::zeros::transmission_zeros;
 
 /// Result of `host-gen zeros`: transmission zeros for each kind of feedback.
 #[derive(Debug, Serialize)]
@@ -59,9 +58,9 @@ impl ZerosOfKind {
     fn new(study: &Study) -> Result<Self, NumericError> {
         let plant = &study.plant().plant.state_space;
         let feedback = study.design_model().feedback;
-        let zeros = transmission_zeros(plant, feedback)?;
+        let zeros = study.zeros()?;
         let poles = ideal_poles(plant, study.gains())?;
-        let growth = study.growth()?;
+        let growth = study.growth(&zeros)?;
         Ok(Self {
             feedback: feedback.name(),
             zeros: zeros

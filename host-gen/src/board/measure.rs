@@ -217,7 +217,7 @@ pub fn amplitude(study: &Study, table: &ValidTable, law: Option<&LinearLaw>, per
         wave.iter().map(|x| x.im.abs()).fold(0.0, f64::max)
     };
     let sum = |of: &dyn Fn(&Line) -> f64| lines.iter().map(of).sum::<f64>();
-    // Density of each input of the floor, times the distance of the lines.
+    // Density of the floor along each axis, times the distance of the lines.
     let [low, high] = machine.simulation.floor_band;
     let apart = rate * f64::from(APART) / f64::from(period);
     let floor = machine.simulation.floor_rms.powi(2) / (high - low) * apart;
@@ -270,7 +270,7 @@ struct Line {
     forces: Matrix6<Complex<f64>>,
     /// From injected forces to sensors.
     sensors: Gain,
-    /// From floor accelerations to sensors.
+    /// From the motions of the base to sensors.
     floor: Gain,
     /// Part of a sine's variance that is left about the mean of one of the supervisor's
     /// windows.
@@ -296,7 +296,7 @@ impl Line {
             hz,
             forces,
             sensors: plant * forces,
-            floor,
+            floor: floor * study.plant().plant.base.map(Complex::from),
             weight: 1.0 - (turn.sin() / turn).powi(2),
         }
     }

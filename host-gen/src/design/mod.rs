@@ -53,15 +53,15 @@ impl Search<'_> {
         let machine = study.machine();
         if let Some(shapes) = &machine.shapes {
             let shapes = Box::new(shapes.each_ref().map(Shape::from));
-            return reach::verify(study, self.effort, &Shaping::Modes { shapes });
+            return reach::search(study, self.effort, &(), Some(&Shaping::Modes { shapes }));
         }
         let Some(cache) = self.cache else {
-            return reach::search(study, self.effort, self.progress);
+            return reach::search(study, self.effort, self.progress, None);
         };
         let key = Key::new(machine, self.effort);
         match cache.read(&key) {
             Some(SearchOutcome::Found(shaping)) => {
-                if let Ok(design) = reach::verify(study, self.effort, &shaping) {
+                if let Ok(design) = reach::search(study, self.effort, &(), Some(&shaping)) {
                     return Ok(design);
                 }
             }
@@ -70,7 +70,7 @@ impl Search<'_> {
             }
             None => {}
         }
-        let result = reach::search(study, self.effort, self.progress);
+        let result = reach::search(study, self.effort, self.progress, None);
         match &result {
             Ok(design) => cache.write(&key, SearchOutcome::Found(design.shaping.clone())),
             Err(DesignError::Unreachable { refusal, .. }) => {

@@ -22,7 +22,6 @@ use crate::control::table;
 use crate::machine::{FeedbackKind, LawName, Target};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::pole_peaks;
-use crate::plant::zeros::transmission_zeros;
 use crate::progress::Progress;
 
 /// The sampled loop's corner of isolation may lie this much above the requested one before the
@@ -62,56 +61,38 @@ struct Found {
     peak_sensitivity: PeakSensitivity,
 }
 
-/// Searches for the best shaping of a study's loop.
+/// Searches for the best shaping of a study's loop; or verifies a `given` one as if the search had
+/// found it.
 ///
 /// # Errors
 /// [`DesignError::Unreachable`] if no shaping was found that reaches the target, with the
-/// nearest frequency found that is reached.
+/// nearest frequency found that is reached, or if the given one misses it.
 pub(super) fn search(
     study: &Study,
     effort: Effort,
     progress: &dyn Progress,
+    given: Option<&Shaping>,
 ) -> Result<Design, DesignError> {
     let reach = Reach::new(study, effort, progress)?;
-    match reach.reach(study.machine().target, None) {
-        Ok(found) => Ok(reach.describe(found)),
-        Err(miss) => {
-            let limited = reach.limited_by_zeros()?;
-            let reason = reach.reason(miss, limited)?;
+    let miss = match reach.reach(study.machine().target, given) {
+        Ok(found) => return Ok(reach.describe(found)),
+        Err(Miss::Error(error)) => return Err(error),
+        Err(miss) => miss,
+    };
+    let reason = reach.reason(&miss)?;
+    let (advice, both) = match given {
+        Some(_) => (Advice::OtherShapes, None),
+        None => {
             let advice = reach.nearest()?;
-            let both = reach.nearest_with_both(advice)?;
-            let refusal = Refusal {
-                reason,
-                advice,
-                both,
-            };
-            Err(unreachable(&study.machine().target, refusal))
+            (advice, reach.nearest_with_both(advice)?)
         }
-    }
-}
-
-/// Verifies a shaping on a study's loop as if the search had found it.
-///
-/// # Errors
-/// [`DesignError::Unreachable`] if the loop misses the target.
-pub(super) fn verify(
-    study: &Study,
-    effort: Effort,
-    shaping: &Shaping,
-) -> Result<Design, DesignError> {
-    let reach = Reach::new(study, effort, &())?;
-    match reach.reach(study.machine().target, Some(shaping)) {
-        Ok(found) => Ok(reach.describe(found)),
-        Err(miss) => {
-            let limited = reach.limited_by_zeros()?;
-            let refusal = Refusal {
-                reason: reach.reason(miss, limited)?,
-                advice: Advice::OtherShapes,
-                both: None,
-            };
-            Err(unreachable(&study.machine().target, refusal))
-        }
-    }
+    };
+    let refusal = Refusal {
+        reason,
+        advice,
+        both,
+    };
+    Err(unreachable(&study.machine().target, refusal))
 }
 
 /// The error of a `target` that is not reached.
@@ -144,8 +125,7 @@ impl<'a> Reach<'a> {
         if let Some(hz) = study.falls() {
             return Err(DesignError::Falls { hz });
         }
-        let feedback = study.machine().target.feedback;
-        let zeros = transmission_zeros(&study.plant().plant.state_space, feedback)?;
+        let zeros = study.zeros()?;
         Ok(Self {
             study,
             sharp: pole_peaks(&zeros),
@@ -180,9 +160,8 @@ impl<'a> Reach<'a> {
         Ok(limited.then_some(own))
     }
 
-    /// Why the target is missed, unless a computation failed. `limited` is the ideal loop's
-    /// corner, Hz, if zeros limit it.
-    fn reason(&self, miss: Miss, limited: Option<f64>) -> Result<String, DesignError> {
+    /// Why the target is missed.
+    fn reason(&self, miss: &Miss) -> Result<String, DesignError> {
         let machine = self.study.machine();
         let target = machine.target;
         let modes = self.study.design_model().hertz();
@@ -209,8 +188,7 @@ impl<'a> Reach<'a> {
         } else {
             String::new()
         };
-        let mut reason = match (miss, limited) {
-            (Miss::Error(error), _) => return Err(error),
+        let mut reason = match (miss, self.limited_by_zeros()?) {
             (_, Some(ideal)) => format!(
                 "even without sampling and delay, {} feedback isolates only from {ideal:.2} Hz, and more gain does not help: with its sensors held at zero, the machine still moves, from {slowest:.2} Hz on (host-gen zeros)",
                 target.feedback.name()
@@ -218,7 +196,7 @@ impl<'a> Reach<'a> {
             (Miss::Late { ideal, sampled }, None) => format!(
                 "the best loop found with {delay:.0} µs of delay isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz{zero}"
             ),
-            (Miss::Unstable, None) => format!(
+            (_, None) => format!(
                 "with {delay:.0} µs of delay, no shaping was found that gives a stable sampled loop with a peak sensitivity of at most {} and isolation from {:.2} Hz{zero}",
                 target.max_sensitivity,
                 CORNER_SLACK * target.isolation_hz()
@@ -226,7 +204,7 @@ impl<'a> Reach<'a> {
         };
         // With both kinds, what one cannot stabilise the other may.
         if target.feedback != FeedbackKind::Both {
-            reason += match self.study.growth()? {
+            reason += match self.study.growth(&self.zeros)? {
                 None => "",
                 Some(Growth::Weight) => {
                     "; with the sensor outputs held at zero, the machine is unstable under gravity (see host-gen zeros): make the legs stiffer sideways"

@@ -1,7 +1,7 @@
 //! A machine with everything that follows from its file alone: model, design
 //! model, ideal gains, sampled plant.
 
-use nalgebra::Vector3;
+use nalgebra::{Complex, Vector3};
 
 use crate::control::Gains;
 use crate::machine::{FeedbackKind, Machine, MachineError};
@@ -97,28 +97,29 @@ impl Study {
         (lowest < 0.0).then_some(-lowest)
     }
 
-    /// Why a transmission zero is unstable, if one is. With both kinds of sensors, the zeros of
-    /// either kind.
+    /// Why one of the machine's transmission `zeros`, rad/s, is unstable, if one is.
     ///
     /// # Errors
     /// [`NumericError`] if an eigenvalue iteration does not converge.
-    pub fn growth(&self) -> Result<Option<Growth>, NumericError> {
-        if !self.has_unstable_zero()? {
+    pub fn growth(&self, zeros: &[Complex<f64>]) -> Result<Option<Growth>, NumericError> {
+        if !grow(zeros) {
             return Ok(None);
         }
         let mut weightless = self.machine.clone();
         weightless.gravity = Vector3::zeros();
         Ok(Some(match Self::new(weightless) {
-            Ok(weightless) if !weightless.has_unstable_zero()? => Growth::Weight,
+            Ok(weightless) if !grow(&weightless.zeros()?) => Growth::Weight,
             _ => Growth::Placement,
         }))
     }
 
-    fn has_unstable_zero(&self) -> Result<bool, NumericError> {
+    /// The transmission zeros from leg forces to the sensors that are fed back, rad/s, as
+    /// [`transmission_zeros`]. With both kinds of sensors, the zeros of either kind.
+    ///
+    /// # Errors
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
+    pub fn zeros(&self) -> Result<Vec<Complex<f64>>, NumericError> {
         let feedback = self.design_model.feedback;
-        Ok(grow(&transmission_zeros(
-            &self.plant.plant.state_space,
-            feedback,
-        )?))
+        transmission_zeros(&self.plant.plant.state_space, feedback)
     }
 }

@@ -261,6 +261,8 @@ pub struct Suspension {
     pub rheonomic: Matrix6<f64>,
     /// Φ, 6n×6 for n bodies: motion of the bodies in body coordinates from q_s, m/m and rad/m.
     pub shapes: MatrixXx6<f64>,
+    /// ω² of the six modes, rad²/s², ascending.
+    squares: DVector<f64>,
 }
 
 /// A reduced model holds if each of its natural frequencies differs by less than this part from
@@ -303,21 +305,18 @@ impl Suspension {
             Self::along(model, Reduction::Condensed, follow)
         });
         let near = |reduced: &Option<Self>, other: &[f64], limit: f64| {
-            let own = reduced.as_ref().and_then(Self::squares);
-            own.is_some_and(|own| {
-                own.iter()
-                    .zip(other)
-                    .all(|(own, other)| ((own / other).sqrt() - 1.0).abs() < limit)
+            reduced.as_ref().is_some_and(|reduced| {
+                let mut pairs = reduced.squares.iter().zip(other);
+                pairs.all(|(own, other)| ((own / other).sqrt() - 1.0).abs() < limit)
             })
         };
         let same = condensed
             .as_ref()
-            .and_then(Self::squares)
-            .is_some_and(|squares| near(&rigid, squares.as_slice(), SAME));
+            .is_some_and(|condensed| near(&rigid, condensed.squares.as_slice(), SAME));
         let far_above = |modes: &Self, other: &Option<Self>| {
-            let [own, other] = [Some(modes), other.as_ref()].map(|m| m.and_then(Self::squares));
-            own.zip(other)
-                .is_some_and(|(own, other)| own.min() > ABOVE * other.max().abs())
+            other
+                .as_ref()
+                .is_some_and(|other| modes.squares.min() > ABOVE * other.squares.max().abs())
         };
         let found = match suspension_modes(machine, model) {
             Some((squares, _)) if near(&condensed, &squares, HOLDS) && !same => condensed,
@@ -344,20 +343,17 @@ impl Suspension {
         let mass = shapes.transpose() * &model.mass * &shapes;
         let stiffness = shapes.transpose() * &model.stiffness * &shapes;
         let rheonomic = shapes.transpose() * &model.mass * &model.ride * model.floor_inverse();
+        let mass = back * mass * inverse;
+        let stiffness = back * stiffness * inverse;
+        let (squares, _) = generalised_eigen(&to_dynamic(&stiffness), &to_dynamic(&mass))?;
         Some(Self {
             reduction,
-            mass: back * mass * inverse,
-            stiffness: back * stiffness * inverse,
+            mass,
+            stiffness,
             rheonomic: back * rheonomic,
             shapes: shapes * inverse,
+            squares,
         })
-    }
-
-    /// ω² of the six modes, rad²/s², ascending.
-    fn squares(&self) -> Option<DVector<f64>> {
-        let (squares, _) =
-            generalised_eigen(&to_dynamic(&self.stiffness), &to_dynamic(&self.mass))?;
-        Some(squares)
     }
 }
 

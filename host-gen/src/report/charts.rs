@@ -19,7 +19,6 @@ use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::numeric::singular::largest_singular_value;
 use crate::numeric::six::ComplexMatrix6;
 use crate::plant::Gain;
-use crate::plant::zeros::transmission_zeros;
 use crate::simulate::session::History;
 
 fn db(x: f64) -> f64 {
@@ -251,7 +250,7 @@ pub fn frequencies(studies: &[DesignedStudy]) -> Result<Chart, NumericError> {
         // With both kinds of feedback, each kind has its own zeros, and the ideal loop is
         // that of acceleration feedback.
         if feedback != FeedbackKind::Both {
-            let zeros = transmission_zeros(space, feedback)?;
+            let zeros = study.zeros()?;
             add(format!("{name}: zeros"), zeros);
             let ideal = ideal_poles(space, study.gains())?;
             add(format!("{name}: ideal poles"), ideal);

@@ -11,7 +11,6 @@ use host_gen::design::{DesignError, Effort, Search, Study};
 use host_gen::machine::{FeedbackKind, Machine};
 use host_gen::model::design_model::Reduction;
 use host_gen::plant::Plant;
-use host_gen::plant::zeros::transmission_zeros;
 use nalgebra::Complex;
 
 use crate::common::search;
@@ -34,11 +33,6 @@ fn edited_case(name: &str, edits: &[(&str, &str)]) -> Study {
         text = text.replace(from, to);
     }
     Study::new(Machine::parse(&path, &text).unwrap()).unwrap()
-}
-
-fn zeros(study: &Study) -> Vec<Complex<f64>> {
-    let feedback = study.design_model().feedback;
-    transmission_zeros(&study.plant().plant.state_space, feedback).unwrap()
 }
 
 /// A search of a few seconds.
@@ -135,9 +129,13 @@ fn force_sensors_read_the_dampers_too() {
 fn a_free_body_has_its_zeros_at_zero() {
     for name in ["zeros-at-zero", "force-sensor-damper"] {
         let study = case(&format!("machines/{name}.toml"));
-        let zeros = zeros(&study);
+        let zeros = study.zeros().unwrap();
         assert_eq!(zeros, vec![Complex::ZERO; 12], "{name}");
-        assert_eq!(study.growth().unwrap(), None, "{name}");
+        assert_eq!(
+            study.growth(&study.zeros().unwrap()).unwrap(),
+            None,
+            "{name}"
+        );
     }
 }
 
@@ -145,7 +143,7 @@ fn a_free_body_has_its_zeros_at_zero() {
 /// By QZ of an independent model.
 #[test]
 fn a_fast_real_zero_is_found() {
-    let zeros = zeros(&case("numbers/zeros-sensor-on-lens.toml"));
+    let zeros = case("numbers/zeros-sensor-on-lens.toml").zeros().unwrap();
     let fast = zeros.iter().find(|s| (*s + 7.086e4).norm() < 10.0);
     assert!(fast.is_some(), "{zeros:?}");
 }
@@ -325,7 +323,11 @@ fn a_machine_that_falls_is_refused_for_that() {
 #[test]
 fn growth_has_its_true_cause() {
     let study = case("numbers/zeros-sensor-on-lens.toml");
-    let unstable = zeros(&study).iter().any(|s| s.re > 1e-6 * s.norm());
+    let unstable = study
+        .zeros()
+        .unwrap()
+        .iter()
+        .any(|s| s.re > 1e-6 * s.norm());
     let expected = unstable.then_some(Growth::Placement);
-    assert_eq!(study.growth().unwrap(), expected);
+    assert_eq!(study.growth(&study.zeros().unwrap()).unwrap(), expected);
 }
