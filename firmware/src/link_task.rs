@@ -4,13 +4,17 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
 use shared::controller::Refusal;
-use shared::link::{Answer, Cutter, FRAME, Job, Server, encode};
+use shared::link::{Answer, Cutter, FRAME, FrameError, Job, Server, encode};
 use shared::recorder::Record;
 use shared::table::{Limits, ValidTable};
 
 use crate::loop_task::BoardController;
 use crate::store::{Store, StoreError};
 use crate::tables::Entry;
+
+/// Shortest time between two answers to frames whose content is lost, s. Noise on the line
+/// holds many such frames, and answering each would fill the line.
+const PAUSE: f32 = 0.02;
 
 /// The board's end of the link, and its memory for a table.
 pub struct LinkTask<F: NorFlash> {
@@ -22,6 +26,8 @@ pub struct LinkTask<F: NorFlash> {
     store: Option<Store<F>>,
     /// Time of the last check of the table, samples since power-up.
     checked: u64,
+    /// Time from which a frame whose content is lost is answered, samples since power-up.
+    tolerant: u64,
 }
 
 impl<F: NorFlash> LinkTask<F> {
@@ -49,12 +55,23 @@ impl<F: NorFlash> LinkTask<F> {
             entry,
             store,
             checked: 0,
+            tolerant: 0,
         }
     }
 
-    /// Takes one byte from the host. Returns the frame to send, if there is one.
+    /// Takes one byte from the host. Returns the frame to send, if there is one: none for a
+    /// frame whose content is lost, if the answer to another one was sent less than 20 ms
+    /// before.
     pub fn on_byte(&mut self, byte: u8, board: &BoardController) -> Option<Vec<u8, FRAME>> {
         let incoming = self.cutter.push(byte)?;
+        if let Err(FrameError::Length | FrameError::Encoding | FrameError::Checksum) = incoming {
+            let (at, rate) = board.with(|c| (c.at(), c.table().get().sample_rate))?;
+            if at < self.tolerant {
+                return None;
+            }
+            // Rates are positive and far below 2³².
+            self.tolerant = at + (PAUSE * rate) as u64 + 1;
+        }
         let answer = board.with(|controller| self.server.answer(incoming, controller))?;
         let reply = match answer {
             Answer::Reply(reply) => reply,
@@ -92,7 +109,7 @@ impl<F: NorFlash> LinkTask<F> {
 
     fn check(&mut self, board: &BoardController) {
         let copy = board.with(|controller| {
-            let at = controller.report().at;
+            let at = controller.at();
             let table = controller.table();
             // Rates are positive and far below 2³².
             let due = at >= self.checked + table.get().sample_rate as u64;

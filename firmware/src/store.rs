@@ -9,6 +9,7 @@ use core::ops::Range;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::NorFlash;
+use sequential_storage::cache::key_pointers::ArrayKeyPointers;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 use shared::table::{TABLE_ROOM, ValidTable};
@@ -23,13 +24,17 @@ const ROOM: usize = TABLE_ROOM + 64;
 /// The item that says that no table is stored.
 const NOTHING: &[u8] = &[];
 
+/// Knows where the item is. Without it, moving to another page searches the whole page once
+/// for each of the old items in it.
+type Place = ArrayKeyPointers<u8, 1>;
+
 /// The memory could not be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoreError;
 
 /// A board's memory for a table.
 pub struct Store<F: NorFlash> {
-    map: MapStorage<u8, F, Cache<Uncached, Uncached, Uncached, u8>>,
+    map: MapStorage<u8, F, Cache<Uncached, Uncached, Place, u8>>,
     buffer: [u8; ROOM],
     item: [u8; ROOM],
 }
@@ -40,7 +45,7 @@ impl<F: NorFlash> Store<F> {
     pub fn new(flash: F, pages: Range<u32>) -> Option<Self> {
         let config = MapConfig::try_new(pages).ok()?;
         Some(Self {
-            map: MapStorage::new(flash, config, Cache::new_uncached()),
+            map: MapStorage::new(flash, config, Cache::new(Uncached, Uncached, Place::new())),
             buffer: [0; ROOM],
             item: [0; ROOM],
         })

@@ -147,13 +147,7 @@ fn start(back: &[u16]) -> Vec<Transaction<u8>> {
         all.extend(framed([0x30 | i, 0x80, 0x00]));
     }
     for (i, back) in (0..).zip(back) {
-        all.extend(framed([0x90 | i, 0, 0]));
-        let [high, low] = back.to_be_bytes();
-        all.extend([
-            Transaction::transaction_start(),
-            Transaction::transfer_in_place(vec![0; 3], vec![0, high, low]),
-            Transaction::transaction_end(),
-        ]);
+        all.extend(read_back(i, *back));
     }
     all
 }
@@ -168,6 +162,45 @@ fn a_start_reads_back() {
     let mut device = Mock::new(&start(&[0x8000, 0x8000, 0]));
     let found = Ad5676r::new(device.clone()).start(safe);
     assert_eq!(found, Err(DacError::ReadBack));
+    device.done();
+}
+
+/// Six writes.
+fn written(codes: [DacCode; LEGS]) -> impl Iterator<Item = Transaction<u8>> {
+    (0..).zip(codes).flat_map(|(i, code)| {
+        let [high, low] = code.0.to_be_bytes();
+        framed([0x10 | i, high, low])
+    })
+}
+
+/// A question for a channel's code, and the answer.
+fn read_back(channel: u8, code: u16) -> impl Iterator<Item = Transaction<u8>> {
+    let [high, low] = code.to_be_bytes();
+    let answer = [
+        Transaction::transaction_start(),
+        Transaction::transfer_in_place(vec![0; 3], vec![0, high, low]),
+        Transaction::transaction_end(),
+    ];
+    framed([0x90 | channel, 0, 0]).into_iter().chain(answer)
+}
+
+/// While the loop runs, one channel after the other is read back: the code of the last write,
+/// or of the one before it if LDAC has not come. Any other is an error.
+#[test]
+fn outputs_are_read_back_in_turn() {
+    let codes = |base: u16| [0, 1, 2, 3, 4, 5].map(|i| DacCode(base + i));
+    let mut expected: Vec<_> = written(codes(100)).chain(written(codes(200))).collect();
+    let found = [200, 101, 0xFFFF, 203, 104, 205, 0, 201];
+    for (channel, code) in (0..).zip(found) {
+        expected.extend(read_back(channel % 6, code));
+    }
+    let mut device = Mock::new(&expected);
+    let mut dac = Ad5676r::new(device.clone());
+    assert_eq!(dac.write(codes(100)), Ok(()));
+    assert_eq!(dac.write(codes(200)), Ok(()));
+    let outcomes = found.map(|_| dac.read_back().is_ok());
+    // 0xFFFF is a wire that is stuck high, 0 one that is stuck low.
+    assert_eq!(outcomes, [true, true, false, true, true, true, false, true]);
     device.done();
 }
 

@@ -112,6 +112,10 @@ pub enum Restart {
     Panic,
     /// A hard fault of the processor.
     HardFault,
+    /// The supply voltage was too low for a time.
+    BrownOut,
+    /// The external clock failed.
+    Clock,
 }
 
 /// One sample, sent while the controller runs.
@@ -254,6 +258,11 @@ impl<'a> Controller<'a> {
             controller.table_changed();
         }
         controller
+    }
+
+    /// Samples since power-up.
+    pub const fn at(&self) -> u64 {
+        self.at
     }
 
     /// The table in use. The board copies it regularly and compares the copy's checksum with

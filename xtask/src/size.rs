@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use object::{Object as _, ObjectSection as _, SectionFlags, elf};
+use object::{Object as _, ObjectSection as _, ObjectSymbol as _, SectionFlags, elf};
 
 use crate::Outcome;
 use crate::baseline::Baseline;
@@ -48,12 +48,34 @@ const MEMORIES: [Memory; 4] = [
     },
 ];
 
+/// The loop's code, which is in ITCM, calls nothing in flash but what ends in a panic. A call
+/// from one to the other is too far for one instruction, so the linker puts a thunk beside the
+/// caller.
+fn calls_only_itcm(file: &object::File<'_>) -> Outcome<()> {
+    let [_, itcm, ..] = &MEMORIES;
+    let thunks = file.symbols().filter_map(|symbol| {
+        let name = symbol.name().ok()?;
+        let (_, callee) = name.split_once("LongThunk_")?;
+        let inside = (itcm.start..itcm.end).contains(&symbol.address());
+        (inside && !callee.contains("panic")).then_some(callee)
+    });
+    let callees: Vec<_> = thunks.collect();
+    if callees.is_empty() {
+        return Ok(());
+    }
+    Err(format!(
+        "the loop's code in ITCM calls code in flash: {}. Place it in firmware/memory/nucleo-h743.x",
+        callees.join(", ")
+    ))
+}
+
 /// Prints it, and compares it with the baseline or writes that anew.
 pub fn size(tools: &Tools, update: bool) -> Outcome<()> {
     let image = boards::build_reference(tools)?;
     let path = image.display();
     let bytes = fs::read(&image).map_err(|error| format!("{path}: {error}"))?;
     let file = object::File::parse(&*bytes).map_err(|error| format!("{path}: {error}"))?;
+    calls_only_itcm(&file)?;
     let mut used = [0; MEMORIES.len()];
     for section in file.sections() {
         let SectionFlags::Elf { sh_flags } = section.flags() else {

@@ -549,6 +549,8 @@ impl Display for HealthView {
             Restart::Watchdog => "watchdog",
             Restart::Panic => "panic",
             Restart::HardFault => "hard fault",
+            Restart::BrownOut => "supply voltage too low",
+            Restart::Clock => "external clock failed",
         };
         writeln!(f, "last restart: {restart}")?;
         if health.period == 0 {

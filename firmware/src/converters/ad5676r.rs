@@ -19,6 +19,10 @@ pub const FRAME: usize = 3;
 /// Highest clock frequency, Hz (data sheet, t1).
 pub const CLOCK: u32 = 50_000_000;
 
+/// Highest clock frequency that is used to read a code back, Hz. The data sheet's limit for
+/// read-back is lower than [`CLOCK`].
+pub const READ_CLOCK: u32 = 7_000_000;
+
 /// Longest settling time of the output to within 2 LSB of the code, s (data sheet, a step
 /// from a quarter to three quarters of the range).
 pub const SETTLING: f64 = 8e-6;
@@ -85,13 +89,21 @@ pub enum DacError {
 #[derive(Debug)]
 pub struct Ad5676r<S> {
     device: S,
+    /// Codes of the last write, and of the one before it.
+    written: [[DacCode; LEGS]; 2],
+    /// The channel to read back next.
+    next: DacChannel,
 }
 
 impl<S: SpiDevice> Ad5676r<S> {
     /// A driver on `device`, which must frame each transfer with SYNC and use SPI mode 1 or 2
-    /// at up to [`CLOCK`].
+    /// at up to [`CLOCK`], or [`READ_CLOCK`] where codes are read back.
     pub const fn new(device: S) -> Self {
-        Self { device }
+        Self {
+            device,
+            written: [[DacCode(0); LEGS]; 2],
+            next: DacChannel(0),
+        }
     }
 
     /// Resets the converter, sets the six outputs to `safe` without waiting for LDAC, and reads
@@ -105,15 +117,9 @@ impl<S: SpiDevice> Ad5676r<S> {
         for (channel, code) in DacChannel::ALL.into_iter().zip(safe) {
             self.send(DacCommand::WriteAndUpdate(channel, code))?;
         }
-        for (channel, code) in DacChannel::ALL.into_iter().zip(safe) {
-            self.send(DacCommand::ReadBack(channel))?;
-            let mut frame = DacCommand::Nothing.encode();
-            self.device
-                .transfer_in_place(&mut frame)
-                .map_err(|_| DacError::Bus)?;
-            if decode(&frame) != code {
-                return Err(DacError::ReadBack);
-            }
+        self.written = [safe; 2];
+        for _ in DacChannel::ALL {
+            self.read_back()?;
         }
         Ok(())
     }
@@ -126,12 +132,37 @@ impl<S: SpiDevice> Ad5676r<S> {
         for (channel, code) in DacChannel::ALL.into_iter().zip(codes) {
             self.send(DacCommand::Write(channel, code))?;
         }
+        let [last, _] = self.written;
+        self.written = [codes, last];
         Ok(())
     }
 
-    /// Returns the bus, for example to change its clock.
-    pub fn into_device(self) -> S {
+    /// Reads the code of one output back, of each call's the next one, so that a broken wire is
+    /// noticed while the loop runs. It must be the code of the last write, or of the one before
+    /// if LDAC has not come yet.
+    ///
+    /// # Errors
+    /// If the bus fails, or the output has another code.
+    pub fn read_back(&mut self) -> Result<(), DacError> {
+        let DacChannel(channel) = self.next;
+        self.next = DacChannel((channel + 1) % LEGS as u8);
+        self.send(DacCommand::ReadBack(DacChannel(channel)))?;
+        let mut frame = DacCommand::Nothing.encode();
         self.device
+            .transfer_in_place(&mut frame)
+            .map_err(|_| DacError::Bus)?;
+        let found = decode(&frame);
+        let mut written = self.written.iter();
+        if written.any(|codes| codes.get(usize::from(channel)) == Some(&found)) {
+            Ok(())
+        } else {
+            Err(DacError::ReadBack)
+        }
+    }
+
+    /// The bus, for example to change its clock.
+    pub const fn device(&mut self) -> &mut S {
+        &mut self.device
     }
 
     fn send(&mut self, command: DacCommand) -> Result<(), DacError> {

@@ -148,7 +148,7 @@ impl Server {
             }
             self.nonces.write(nonce);
             // The time makes the number of a replayed session differ.
-            let at = controller.report().at;
+            let at = controller.at();
             self.session = mix(nonce ^ mix(at as u32 ^ self.session)) | 1;
             self.sequence = packet.sequence;
             controller.set_telemetry(0);

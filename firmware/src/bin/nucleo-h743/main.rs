@@ -13,6 +13,12 @@ mod guard;
 #[cfg(target_os = "none")]
 mod period;
 #[cfg(target_os = "none")]
+mod port;
+#[cfg(target_os = "none")]
+mod sample;
+#[cfg(target_os = "none")]
+mod shadow;
+#[cfg(target_os = "none")]
 mod spi;
 
 #[cfg(target_os = "none")]

@@ -11,15 +11,26 @@
 //! chapter 38), so that it may be anywhere in the period. A latch later than T is in the next
 //! period, before the codes of that one are written.
 
+use core::sync::atomic::{AtomicU32, Ordering};
+
 use embassy_stm32::pac::timer::{regs, vals};
 use embassy_stm32::pac::{RCC, TIM1};
-
 use firmware::budget::READ;
 
 use crate::clocks::TIMER;
 
 /// Length of the CONVST and LDAC pulses, s. Both converters accept pulses of 25 ns.
 const PULSE: f32 = 1e-6;
+
+/// Shortest LDAC pulse, s: a latch that is later than this before the end of a period is moved
+/// there.
+const SHORTEST: f32 = 50e-9;
+
+/// Time before the interrupt in which no critical section begins, s.
+pub const GUARD: f32 = 9e-6;
+
+/// [`GUARD`] in counts of the timer; 0 while the timer stands.
+static GUARDED: AtomicU32 = AtomicU32::new(0);
 
 fn counts(seconds: f32) -> u32 {
     // The cast saturates.
@@ -41,6 +52,7 @@ pub fn start(rate: f32, latch: f32) {
     let (period, prescaler) = division(rate);
     let at = |seconds: f32| (counts(seconds) / (prescaler + 1)) as u16;
     let t = TIM1;
+    GUARDED.store(0, Ordering::Relaxed);
     t.cr1().write(|w| w.set_cen(false));
     t.dier().write(|_| {});
     // At most 65,536.
@@ -48,7 +60,8 @@ pub fn start(rate: f32, latch: f32) {
     t.psc().write_value(prescaler as u16);
     t.ccr(0).write(|w| w.set_ccr(at(PULSE)));
     t.ccr(1).write(|w| w.set_ccr(at(READ as f32)));
-    let latch = (counts(latch) / (prescaler + 1)) % period;
+    let latest = period - 1 - u32::from(at(SHORTEST)).max(1);
+    let latch = ((counts(latch) / (prescaler + 1)) % period).min(latest);
     let end = (latch + u32::from(at(PULSE))).min(period - 1);
     t.ccr(2).write(|w| w.set_ccr(latch as u16));
     t.ccr(3).write(|w| w.set_ccr(end as u16));
@@ -72,6 +85,28 @@ pub fn start(rate: f32, latch: f32) {
     t.sr().write_value(regs::SrAdv(0));
     t.dier().write(|w| w.set_ccie(1, true));
     t.cr1().write(|w| w.set_cen(true));
+    GUARDED.store(at(GUARD).into(), Ordering::Relaxed);
+}
+
+/// Whether the interrupt is at least [`GUARD`] away, or the timer stands.
+pub fn is_far() -> bool {
+    let guard = GUARDED.load(Ordering::Relaxed);
+    if guard == 0 {
+        return true;
+    }
+    // In this order: an interrupt that becomes due in between is seen by its flag.
+    let now = u32::from(TIM1.cnt().read().cnt());
+    let at = u32::from(TIM1.ccr(1).read().ccr());
+    let period = u32::from(TIM1.arr().read().arr()) + 1;
+    if TIM1.sr().read().ccif(1) {
+        return false;
+    }
+    let left = if at > now {
+        at - now
+    } else {
+        at + period - now
+    };
+    left >= guard
 }
 
 /// Clears the interrupt flag. Returns the time since the sample in counts of TIM1's clock.
