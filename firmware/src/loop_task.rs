@@ -36,9 +36,21 @@ impl BoardController {
         critical_section::with(|cs| self.0.borrow_ref_mut(cs).as_mut().map(act))
     }
 
-    /// Runs one sample and returns the codes to latch. None before [`BoardController::begin`].
+    /// Runs both halves of a sample and returns the codes to latch. None before
+    /// [`BoardController::begin`].
     pub fn on_sample(&self, reading: Reading) -> Option<[DacCode; LEGS]> {
         self.with(|controller| controller.on_sample(reading))
+    }
+
+    /// Runs the first half of a sample and returns the codes to latch. None before
+    /// [`BoardController::begin`].
+    pub fn latch(&self, reading: Reading) -> Option<[DacCode; LEGS]> {
+        self.with(|controller| controller.latch(reading))
+    }
+
+    /// Runs the second half of a sample.
+    pub fn follow(&self) {
+        self.with(Controller::follow);
     }
 }
 

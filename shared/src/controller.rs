@@ -10,7 +10,7 @@ use crate::injection::{Injection, Injector, UNASKED};
 use crate::monitors::Monitors;
 use crate::recorder::{Record, Recorded, Recorder, Recording};
 use crate::self_test::{Course, Probe, Verdict};
-use crate::step::{Demand, Output, State, Status, rest, step};
+use crate::step::{Ahead, Demand, Latched, State, Status, follow, latch};
 use crate::supervisor::{Cause, Event, GENTLE, LatchedFault, Mode, QUIET};
 use crate::table::{ModelDigest, TableError, ValidTable};
 
@@ -168,6 +168,15 @@ const STRIKES: u32 = 2;
 /// Length of the telemetry queue.
 const WAITING: usize = 8;
 
+/// The outputs of a sample as far as they are known before it is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Next {
+    /// These codes, whatever is read.
+    Codes([DacCode; LEGS]),
+    /// They follow from the codes that are read.
+    Law(Ahead),
+}
+
 /// The controller of a board. Its recorder uses memory given by the caller.
 #[derive(Debug)]
 pub struct Controller<'a> {
@@ -181,6 +190,12 @@ pub struct Controller<'a> {
     mode: Mode,
     /// None until the first sample has initialised the AC coupling.
     state: Option<State>,
+    /// What is known of the next sample before it is read.
+    next: Next,
+    /// The sample that was put out last, until its second half.
+    latched: Option<Latched>,
+    /// What was said about the sample that was read last.
+    reading: Reading,
     /// As in [`Demand`].
     gain: f32,
     /// As in [`Demand`].
@@ -230,6 +245,12 @@ impl<'a> Controller<'a> {
             at: 0,
             mode: Mode::Untested,
             state: None,
+            next: Next::Codes(dac),
+            latched: None,
+            reading: Reading {
+                samples: None,
+                late: false,
+            },
             gain: 0.0,
             fade: 0.0,
             settling: (0, [0; LEGS]),
@@ -286,7 +307,8 @@ impl<'a> Controller<'a> {
         self.stop_injection();
         self.state = None;
         self.monitors = Monitors::NEW;
-        self.dac = table.safe_codes();
+        self.dac = self.table.safe_codes();
+        self.prepare();
         Ok(())
     }
 
@@ -308,18 +330,46 @@ impl<'a> Controller<'a> {
     /// To be called when the table no longer matches its checksum. This is a fault.
     pub fn table_changed(&mut self) {
         self.fail(Cause::Table);
+        self.prepare();
     }
 
-    /// Runs one sample and returns the codes to latch.
+    /// Runs both halves of a sample and returns the codes to latch.
     pub fn on_sample(&mut self, reading: Reading) -> [DacCode; LEGS] {
+        let codes = self.latch(reading);
+        self.follow();
+        codes
+    }
+
+    /// The first half of a sample: returns the codes to latch. [`Controller::follow`] must be
+    /// called before the next one.
+    #[inline]
+    pub fn latch(&mut self, reading: Reading) -> [DacCode; LEGS] {
+        match (&self.next, &reading.samples) {
+            (Next::Codes(codes), _) => self.dac = *codes,
+            (Next::Law(ahead), Some(samples)) => {
+                let latched = latch(&self.table, ahead, samples);
+                self.dac = latched.dac;
+                self.latched = Some(latched);
+            }
+            // The outputs keep their values.
+            (Next::Law(_), None) => {}
+        }
+        self.reading = reading;
+        self.dac
+    }
+
+    /// The second half of a sample: states, monitors, records, and all of the next sample that
+    /// does not depend on its codes. A fault that it finds changes the outputs from the next
+    /// sample on.
+    pub fn follow(&mut self) {
         let was_fault = self.mode.is_fault();
-        self.late = self.late.saturating_add(u32::from(reading.late));
-        let status = match reading.samples {
+        let late = self.reading.late;
+        self.late = self.late.saturating_add(u32::from(late));
+        let status = match self.reading.samples {
             Some(samples) => {
                 self.samples = samples;
-                self.sampled(samples, reading.late)
+                self.sampled(late)
             }
-            // The outputs keep their values; after a fault their ramp continues.
             None => {
                 self.lost = self.lost.saturating_add(1);
                 if let Some(cause) = self.monitors.lost(&self.table) {
@@ -328,9 +378,6 @@ impl<'a> Controller<'a> {
                 Status::NOTHING
             }
         };
-        if self.mode.is_fault() {
-            self.dac = self.fall();
-        }
         let record = Record {
             adc: self.samples,
             dac: self.dac,
@@ -354,62 +401,91 @@ impl<'a> Controller<'a> {
             }
         }
         self.at += 1;
-        self.dac
+        self.advance();
+        self.prepare();
     }
 
-    /// Runs a sample that was read.
-    fn sampled(&mut self, samples: Samples, late: bool) -> Status {
-        let mut state = *self
+    /// The second half of a sample that was read.
+    fn sampled(&mut self, late: bool) -> Status {
+        let samples = &self.samples;
+        let state = self
             .state
-            .get_or_insert_with(|| State::settled_on(&self.table, samples));
-        let output = self.drive(&mut state, samples);
-        self.state = Some(state);
-        let seen = (output.dac, output.status);
+            .get_or_insert_with(|| State::settled_on(&self.table, *samples));
+        let latched = self.latched.take();
+        let status = match (&self.next, &latched) {
+            (Next::Law(ahead), Some(latched)) => {
+                follow(&self.table, state, ahead, latched, samples)
+            }
+            // The outputs do not depend on the sensors, but the AC coupling follows them.
+            _ => {
+                let ahead = Ahead::open(state, LegForces::ZERO);
+                let latched = latch(&self.table, &ahead, samples);
+                follow(&self.table, state, &ahead, &latched, samples)
+            }
+        };
         let calm = self.injector.is_none();
+        let seen = (self.dac, status);
         let cause = self
             .monitors
-            .see(&self.table, self.mode, samples, seen, late, calm);
-        let cause = cause.or_else(|| self.probed(samples, output));
+            .see(&self.table, self.mode, self.samples, seen, late, calm);
+        let cause = cause.or_else(|| self.probed());
+        if let Some(injector) = &mut self.injector
+            && !injector.advance()
+        {
+            self.injector = None;
+        }
         self.end_unasked_injection();
-        if self.mode.is_loop() && output.status.clamped {
+        if self.mode.is_loop() && status.clamped {
             self.clamped = self.clamped.saturating_add(1);
         }
-        match cause {
-            // The output of the step is discarded.
-            Some(cause) => self.fail(cause),
-            None if !self.mode.is_fault() => self.dac = output.dac,
-            None => {}
+        if let Some(cause) = cause {
+            self.fail(cause);
         }
-        output.status
+        status
     }
 
-    /// Runs the step as the mode requires.
-    fn drive(&mut self, state: &mut State, samples: Samples) -> Output {
-        match self.mode {
+    /// Everything that changes from one sample to the next.
+    fn advance(&mut self) {
+        if self.mode == Mode::Failing {
+            let (_, since) = &mut self.failing;
+            if *since >= self.table.get().supervision.safe_ramp {
+                self.change(Event::Ramped);
+            } else {
+                *since += 1;
+            }
+        }
+        if self.mode.is_loop() {
+            if self.mode == Mode::Starting && self.gain >= QUIET {
+                self.settle();
+            }
+            self.move_gain();
+        }
+    }
+
+    /// Computes of the next sample what does not depend on its codes. To be called after every
+    /// change of mode, gain or injection too.
+    fn prepare(&mut self) {
+        let Some(state) = &self.state else {
+            self.next = Next::Codes(self.table.safe_codes());
+            return;
+        };
+        self.next = match self.mode {
             Mode::Starting | Mode::Closed | Mode::Stopping => {
-                if self.mode == Mode::Starting && self.gain >= QUIET {
-                    self.settle(state);
-                }
-                self.move_gain();
                 let demand = Demand {
                     gain: self.gain,
                     fade: self.fade,
-                    injection: self.pilot().unwrap_or_else(|| self.inject()),
+                    injection: self.pilot().unwrap_or_else(|| self.injected_forces()),
                 };
-                step(&self.table, state, samples, demand)
+                Next::Law(Ahead::closed(&self.table, state, demand))
             }
             Mode::Testing => {
                 let push = self.probe.push(Course::open(&self.table.get().self_test));
-                rest(&self.table, state, samples, push)
+                Next::Law(Ahead::open(state, push))
             }
-            Mode::Idle => {
-                let injection = self.inject();
-                rest(&self.table, state, samples, injection)
-            }
-            Mode::Untested | Mode::Failing | Mode::Failed => {
-                rest(&self.table, state, samples, LegForces::ZERO)
-            }
-        }
+            Mode::Idle => Next::Law(Ahead::open(state, self.injected_forces())),
+            Mode::Untested => Next::Law(Ahead::open(state, LegForces::ZERO)),
+            Mode::Failing | Mode::Failed => Next::Codes(self.fallen()),
+        };
     }
 
     /// Changes the gain towards its target by one factor per sample. A soft start lowers it
@@ -444,7 +520,8 @@ impl<'a> Controller<'a> {
 
     /// One sample of a soft start's wait for the machine to come to rest. At its end the AC
     /// coupling starts from the averages of the sensors.
-    fn settle(&mut self, state: &mut State) {
+    fn settle(&mut self) {
+        let Some(state) = &mut self.state else { return };
         let length = self.table.get().supervision.settle;
         let (count, sums) = &mut self.settling;
         let whole = length.saturating_mul(2);
@@ -475,13 +552,14 @@ impl<'a> Controller<'a> {
         free.then(|| self.probe.push(course))
     }
 
-    /// Passes a sample and its output to the self-test or the pilot, and returns the fault it
+    /// Passes the sample and its output to the self-test or the pilot, and returns the fault it
     /// found, if any.
-    fn probed(&mut self, samples: Samples, output: Output) -> Option<Cause> {
+    fn probed(&mut self) -> Option<Cause> {
         let table = self.table.get();
+        let (samples, dac) = (&self.samples, self.dac);
         if self.mode == Mode::Testing {
             let course = Course::open(&table.self_test);
-            match self.probe.see(table, course, samples, output.dac)? {
+            match self.probe.see(table, course, samples, dac)? {
                 Verdict::Failed(cause) => return Some(cause),
                 Verdict::Passed | Verdict::Noisy => self.change(Event::Passed),
             };
@@ -495,7 +573,7 @@ impl<'a> Controller<'a> {
             self.probe = Probe::NEW;
             return None;
         }
-        match self.probe.see(table, course, samples, output.dac)? {
+        match self.probe.see(table, course, samples, dac)? {
             Verdict::Passed => self.strikes = 0,
             Verdict::Noisy => {}
             Verdict::Failed(cause) => {
@@ -506,40 +584,27 @@ impl<'a> Controller<'a> {
         None
     }
 
-    /// The forces of the injection, zero without one.
-    fn inject(&mut self) -> LegForces {
-        let Some(injector) = &mut self.injector else {
-            return LegForces::ZERO;
-        };
-        match injector.advance() {
-            Some(forces) => forces,
-            None => {
-                self.injector = None;
-                LegForces::ZERO
-            }
-        }
+    /// The forces of the injection in the next sample, zero without one.
+    fn injected_forces(&self) -> LegForces {
+        let injector = self.injector.as_ref();
+        injector.map_or(LegForces::ZERO, Injector::forces)
     }
 
     /// The codes of the ramp from the outputs at the time of the fault to the safe codes.
-    fn fall(&mut self) -> [DacCode; LEGS] {
+    fn fallen(&self) -> [DacCode; LEGS] {
         let safe = self.table.safe_codes();
-        let (from, since) = &mut self.failing;
+        let (from, since) = &self.failing;
         let whole = self.table.get().supervision.safe_ramp;
         if self.mode == Mode::Failed {
             return safe;
         }
-        *since = since.saturating_add(1);
         let left = i64::from(whole.saturating_sub(*since));
         let whole = i64::from(whole.max(1));
-        let codes = core::array::from_fn(|i| {
+        core::array::from_fn(|i| {
             let (from, safe) = (i64::from(from[i].0), i64::from(safe[i].0));
             // Between two codes, so it fits.
             DacCode((safe + (from - safe) * left / whole) as u16)
-        });
-        if left == 0 {
-            self.change(Event::Ramped);
-        }
-        codes
+        })
     }
 
     fn fail(&mut self, cause: Cause) {
@@ -603,6 +668,7 @@ impl<'a> Controller<'a> {
             self.snapshot.clear();
             self.monitors = Monitors::NEW;
         }
+        self.prepare();
         Ok(())
     }
 
@@ -635,6 +701,7 @@ impl<'a> Controller<'a> {
         self.monitors.heard();
         self.injected = self.at;
         self.injection_begins = true;
+        self.prepare();
         Ok(())
     }
 

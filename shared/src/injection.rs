@@ -109,6 +109,8 @@ pub struct Injector {
     step: u64,
     /// Change of `step` per sample.
     slope: i64,
+    /// The forces of the next sample, N.
+    forces: LegForces,
 }
 
 impl Injector {
@@ -125,13 +127,16 @@ impl Injector {
             Signal::Noise { seed } => (seed.wrapping_mul(0x9E37_79B9) | 1, 0, 0),
         };
         let change = (i64::from(to) - i64::from(from)) << 32;
-        Self {
+        let mut injector = Self {
             injection,
             at: 0,
             phase,
             step: u64::from(from) << 32,
             slope: change / i64::from(injection.samples.max(1)),
-        }
+            forces: LegForces::ZERO,
+        };
+        injector.compute();
+        injector
     }
 
     /// Remaining samples.
@@ -139,11 +144,22 @@ impl Injector {
         self.injection.samples.saturating_sub(self.at)
     }
 
-    /// The forces of the next sample. None at the end of the injection.
-    pub fn advance(&mut self) -> Option<LegForces> {
+    /// The forces of the next sample, N.
+    pub fn forces(&self) -> LegForces {
+        self.forces
+    }
+
+    /// Moves on to the next sample. False at the end of the injection.
+    pub fn advance(&mut self) -> bool {
+        self.at += 1;
         if self.at >= self.injection.samples {
-            return None;
+            return false;
         }
+        self.compute();
+        true
+    }
+
+    fn compute(&mut self) {
         let value = match self.injection.signal {
             Signal::Sine { .. } | Signal::Sweep { .. } => {
                 let value = sine(self.phase);
@@ -168,8 +184,7 @@ impl Injector {
                 (x >> 8) as f32 / 8_388_608.0 - 1.0
             }
         };
-        self.at += 1;
-        Some(LegForces(self.injection.legs.map(|size| size * value)))
+        self.forces = LegForces(self.injection.legs.map(|size| size * value));
     }
 }
 

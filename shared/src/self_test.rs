@@ -150,7 +150,7 @@ impl Probe {
         &mut self,
         table: &Table,
         course: Course,
-        samples: Samples,
+        samples: &Samples,
         dac: [DacCode; LEGS],
     ) -> Option<Verdict> {
         let test = &table.self_test;
@@ -190,7 +190,7 @@ impl Probe {
     }
 
     /// Lock-in detection with a Hann window, which suppresses other frequencies.
-    fn add(&mut self, table: &Table, course: Course, samples: Samples, dac: [DacCode; LEGS]) {
+    fn add(&mut self, table: &Table, course: Course, samples: &Samples, dac: [DacCode; LEGS]) {
         let measure = course.measure.max(1);
         // Position in the window, one turn long. The window is 1 − cos, of mean 1.
         let turn = (u64::from(self.at - table.self_test.settle) << 32) / u64::from(measure);

@@ -29,8 +29,18 @@
 //!
 //! ```text
 //! σ   = α·u,  α = min(1, limit_i/|u_i|)         keeps the direction of the force
-//! x  += anti_windup·(u − σ)                     only where α < 1; a modal law uses
-//!                                               (1 − α) times each channel's own force
+//! x  += anti_windup·(1 − α)·u                   only where α < 1; a modal law uses each
+//!                                               channel's own force
+//! ```
+//!
+//! A sample is computed in two halves, because the time from codes to codes is part of the
+//! loop's delay. What does not depend on the newest codes is computed before they come:
+//!
+//! ```text
+//! Ahead        u0, the forces if all w were zero, and h1 + h2
+//! latch        u = u0 + gain·fade·D·w           D: the law's path straight through,
+//!                                               [`DirectPath`], one constant matrix
+//! follow       the states, as above
 //! ```
 //!
 //! The configuration ([`ValidTable`]) is immutable and separate from the [`State`].
@@ -41,7 +51,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, LegForces, Samples};
-use crate::table::{Complement, Direct, Law, Modal, Paths, SECTIONS, Section, Table, ValidTable};
+use crate::table::{
+    Complement, DirectPath, Law, Modal, Paths, SECTIONS, Section, Table, ValidTable,
+};
 
 /// Six values: one per sensor, leg or mode.
 pub type Values = [f32; LEGS];
@@ -116,6 +128,13 @@ impl State {
             self.averages = [core::array::from_fn(mean), [0.0; LEGS]];
         }
         self.start();
+    }
+
+    /// The sum of the two averages of each sensor, sensor units.
+    #[inline]
+    fn offsets(&self) -> Values {
+        let [h1, h2] = &self.averages;
+        core::array::from_fn(|i| h1[i] + h2[i])
     }
 
     /// Whether every number of the state is finite.
@@ -204,52 +223,135 @@ fn at_rail(adc: [AdcCode; LEGS], max: AdcCode) -> u8 {
     bits
 }
 
-/// Runs one sample with the loop closed, from the codes `adc` to the codes to latch.
-pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand) -> Output {
-    let t = table.get();
-    let (w, forces) = sense(t, state, adc, t.ac_limit);
-    let limits = limits(t);
-    let (force, clamp) = force(&t.law, &limits, &mut state.law, &w, &forces, &demand);
-    output(t, adc, force, clamp)
+/// What is known of a sample before its codes are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ahead {
+    /// The forces of the legs if all AC-coupled values were zero, N.
+    base: Values,
+    /// The offsets that the AC coupling takes off, sensor units.
+    offsets: Values,
+    /// Factor on the law's gains and its force; 0 with the loop open.
+    gain: f32,
+    /// As in [`Demand`]; 0 with the loop open.
+    fade: f32,
+    /// Whether the loop is closed.
+    closed: bool,
 }
 
-/// Runs one sample with the loop open: AC coupling and [`Complement`] follow the sensors,
-/// the law stays at rest, and the legs get `injection` only, clamped to their limits.
-pub fn rest(table: &ValidTable, state: &mut State, adc: Samples, injection: LegForces) -> Output {
-    let t = table.get();
-    // No limit on the AC coupling: without a law a shock does no harm, and a limit would
-    // bias the average of an asymmetric vibration.
-    let (w, forces) = sense(t, state, adc, f32::MAX);
-    if let Paths::Modal(modal) = &t.law.paths {
-        blend(modal, &mut state.law, &w, &forces);
+impl Ahead {
+    /// With the loop closed.
+    #[inline]
+    pub fn closed(table: &ValidTable, state: &State, demand: Demand) -> Self {
+        Self {
+            base: base(&table.get().law, &state.law, &demand),
+            offsets: state.offsets(),
+            gain: demand.gain,
+            fade: demand.fade,
+            closed: true,
+        }
     }
-    let limits = limits(t);
-    let (force, clamp) = if inside(&injection.0, &limits) {
-        (injection.0, Clamp::Idle)
-    } else {
-        clamp(&injection.0, &limits).map_or(([0.0; LEGS], Clamp::NotFinite), |(held, _)| {
-            (held, Clamp::Active)
-        })
-    };
-    output(t, adc, force, clamp)
+
+    /// With the loop open: the law stays at rest, and the legs get `injection` only.
+    #[inline]
+    pub fn open(state: &State, injection: LegForces) -> Self {
+        Self {
+            base: injection.0,
+            offsets: state.offsets(),
+            gain: 0.0,
+            fade: 0.0,
+            closed: false,
+        }
+    }
 }
 
-/// AC-coupled sensor values, and the forces measured by a [`Complement`], N.
+/// A sample whose codes have been put out: what [`follow`] needs of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Latched {
+    /// AC-coupled sensor values, sensor units.
+    w: Values,
+    /// The forces measured by a [`Complement`], N.
+    forces: Values,
+    /// The forces before the clamp, N.
+    asked: Values,
+    /// The action of the clamp.
+    clamp: Clamp,
+    /// The codes put out.
+    pub dac: [DacCode; LEGS],
+}
+
+/// The first half of a sample: from the codes `adc` to the codes to latch.
 #[inline]
-fn sense(t: &Table, state: &mut State, adc: Samples, limit: f32) -> (Values, Values) {
+pub fn latch(table: &ValidTable, ahead: &Ahead, adc: &Samples) -> Latched {
+    let t = table.get();
     let y = calibrate(&t.sensors, adc.sensors);
+    let w: Values = core::array::from_fn(|i| y[i] - ahead.offsets[i]);
     let forces = t
         .complement()
         .map_or([0.0; LEGS], |beside| calibrate(&beside.sensors, adc.forces));
+    let path = table.direct_path();
+    let asked = through(path, ahead, t.complement().is_some(), &w, &forces);
+    let (force, clamp) = limited(&asked, &limits(t));
+    Latched {
+        w,
+        forces,
+        asked,
+        clamp,
+        dac: core::array::from_fn(|i| t.actuators[i].code(force[i])),
+    }
+}
+
+/// The second half of a sample: the states after it, and what was observed.
+#[inline]
+pub fn follow(
+    table: &ValidTable,
+    state: &mut State,
+    ahead: &Ahead,
+    latched: &Latched,
+    adc: &Samples,
+) -> Status {
+    let t = table.get();
+    let w = &latched.w;
+    let limit = if ahead.closed {
+        t.ac_limit
+    } else {
+        // Without a law a shock does no harm, and a limit would bias the average of an
+        // asymmetric vibration.
+        f32::MAX
+    };
     let [h1, h2] = &mut state.averages;
-    let w = core::array::from_fn(|i| {
-        let v = y[i] - h1[i];
+    for i in 0..LEGS {
+        let v = w[i] + h2[i];
         h1[i] += t.ac_coupling * bounded(v, limit);
-        let w = v - h2[i];
-        h2[i] += t.ac_coupling * bounded(w, limit);
-        w
-    });
-    (w, forces)
+        h2[i] += t.ac_coupling * bounded(w[i], limit);
+    }
+    if ahead.closed {
+        follow_law(&t.law, &mut state.law, ahead.gain, latched);
+    } else if let Paths::Modal(modal) = &t.law.paths
+        && modal.complement.is_some()
+    {
+        blend(modal, &mut state.law, w, &latched.forces);
+    }
+    Status {
+        sensors_at_rail: at_rail(adc.sensors, t.adc_max),
+        forces_at_rail: if t.complement().is_some() {
+            at_rail(adc.forces, t.adc_max)
+        } else {
+            0
+        },
+        clamped: matches!(latched.clamp, Clamp::Active(_)),
+        not_finite: latched.clamp == Clamp::NotFinite,
+    }
+}
+
+/// Runs both halves of one sample with the loop closed.
+pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand) -> Output {
+    let ahead = Ahead::closed(table, state, demand);
+    let latched = latch(table, &ahead, &adc);
+    let status = follow(table, state, &ahead, &latched, &adc);
+    Output {
+        dac: latched.dac,
+        status,
+    }
 }
 
 #[inline]
@@ -257,41 +359,23 @@ fn limits(t: &Table) -> Values {
     core::array::from_fn(|i| t.actuators[i].limit)
 }
 
-#[inline]
-fn output(t: &Table, adc: Samples, force: Values, clamp: Clamp) -> Output {
-    let beside = t.complement().is_some();
-    Output {
-        dac: core::array::from_fn(|i| t.actuators[i].code(force[i])),
-        status: Status {
-            sensors_at_rail: at_rail(adc.sensors, t.adc_max),
-            forces_at_rail: if beside {
-                at_rail(adc.forces, t.adc_max)
-            } else {
-                0
-            },
-            clamped: clamp == Clamp::Active,
-            not_finite: clamp == Clamp::NotFinite,
-        },
-    }
-}
-
-/// The action of the clamp in [`force`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The action of the clamp.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clamp {
     /// All forces are within their limits.
     Idle,
-    /// All forces were scaled by one factor.
-    Active,
+    /// All forces were scaled by this factor.
+    Active(f32),
     /// A force was not finite. All forces are zero.
     NotFinite,
 }
 
-/// The control law, from AC-coupled sensor values to leg forces, N, each within its limit:
-/// Eq. (14), Eq. (21), Eq. (22).
+/// Both halves of the control law, from AC-coupled sensor values to leg forces, N, each within
+/// its limit: Eq. (14), Eq. (21), Eq. (22).
 ///
 /// `w` has sensor units, `limits` is in N. `forces`, N, are those measured by a
-/// [`Complement`]; a law without one ignores them.
-#[inline]
+/// [`Complement`]; a law without one ignores them. For tests and analyses of the law alone:
+/// the direct path is computed with every call.
 pub fn force(
     law: &Law,
     limits: &Values,
@@ -300,85 +384,139 @@ pub fn force(
     forces: &Values,
     demand: &Demand,
 ) -> (Values, Clamp) {
+    let ahead = Ahead {
+        base: base(law, state, demand),
+        offsets: [0.0; LEGS],
+        gain: demand.gain,
+        fade: demand.fade,
+        closed: true,
+    };
+    let beside = matches!(&law.paths, Paths::Modal(modal) if modal.complement.is_some());
+    let asked = through(&DirectPath::new(law), &ahead, beside, w, forces);
+    let (force, clamp) = limited(&asked, limits);
+    let latched = Latched {
+        w: *w,
+        forces: *forces,
+        asked,
+        clamp,
+        dac: [DacCode(0); LEGS],
+    };
+    follow_law(law, state, demand.gain, &latched);
+    (force, clamp)
+}
+
+/// The forces for the newest values, before the clamp, N.
+#[inline]
+fn through(path: &DirectPath, ahead: &Ahead, beside: bool, w: &Values, forces: &Values) -> Values {
+    let scale = ahead.gain * ahead.fade;
+    let mut asked = add_columns(ahead.base, &path.sensors, &w.map(|w| scale * w));
+    if beside {
+        asked = add_columns(asked, &path.forces, &forces.map(|f| scale * f));
+    }
+    asked
+}
+
+/// The forces within their limits.
+#[inline]
+fn limited(asked: &Values, limits: &Values) -> (Values, Clamp) {
+    if inside(asked, limits) {
+        return (*asked, Clamp::Idle);
+    }
+    match clamp(asked, limits) {
+        Some((held, scale)) => (held, Clamp::Active(scale)),
+        None => ([0.0; LEGS], Clamp::NotFinite),
+    }
+}
+
+/// The forces of the legs if all values of the next sample were zero, N.
+#[inline]
+fn base(law: &Law, state: &LawState, demand: &Demand) -> Values {
     let Demand {
         gain,
         fade,
         injection,
     } = demand;
+    let leak = law.leak;
     match &law.paths {
         Paths::Direct(direct) => {
-            let asked = direct_force(direct, law.leak, *gain, state, w);
-            let force = core::array::from_fn(|i| injection.0[i] - fade * asked[i]);
-            if inside(&force, limits) {
-                return (force, Clamp::Idle);
-            }
-            let Some((held, _)) = clamp(&force, limits) else {
-                return ([0.0; LEGS], Clamp::NotFinite);
-            };
-            for i in 0..LEGS {
-                state.integral[i] += law.anti_windup * (force[i] - held[i]);
-            }
-            (held, Clamp::Active)
+            let r = state.before.map(|r| r - direct.roll_off * r);
+            let sum = core::array::from_fn(|i| gain * (r[i] + state.before[i]));
+            let leaked = state.integral.map(|x| x - leak * x);
+            let integral = add_product(leaked, &direct.integral, &sum);
+            let r = r.map(|r| gain * r);
+            let against = add_product(integral, &direct.proportional, &r);
+            core::array::from_fn(|i| injection.0[i] - fade * against[i])
         }
         Paths::Modal(modal) => {
-            let asked = modal_force(modal, law.leak, *gain, state, w, forces);
-            let given = asked.map(|asked| fade * asked);
-            let force = add_product(injection.0, &modal.output, &given);
-            if inside(&force, limits) {
-                return (force, Clamp::Idle);
-            }
-            let Some((held, scale)) = clamp(&force, limits) else {
-                return ([0.0; LEGS], Clamp::NotFinite);
+            let mut r = match &modal.complement {
+                Some(Complement { split, .. }) => core::array::from_fn(|i| {
+                    let d = state.difference[i];
+                    d - split[i] * d
+                }),
+                None => [0.0; LEGS],
             };
-            for (integral, asked) in state.integral.iter_mut().zip(asked) {
-                *integral += law.anti_windup * (1.0 - scale) * asked;
+            // `take` bounds the sections without an index that could panic.
+            for (j, [x1, x2]) in state.sections.iter().enumerate().take(modal.sections) {
+                for (i, channel) in modal.channels.iter().enumerate() {
+                    r[i] = channel.sections[j].output(x1[i], x2[i], r[i]);
+                }
             }
-            (held, Clamp::Active)
+            let given = core::array::from_fn(|i| {
+                let channel = &modal.channels[i];
+                let x = state.integral[i];
+                let x = x - leak * x + gain * channel.integral * state.before[i];
+                let now = channel.integral + channel.proportional;
+                -fade * (x + gain * now * r[i])
+            });
+            add_product(injection.0, &modal.output, &given)
         }
     }
 }
 
-/// The negative of the leg forces of a direct law, N.
+/// The states of the law after a sample.
 #[inline]
-fn direct_force(direct: &Direct, leak: f32, gain: f32, state: &mut LawState, w: &Values) -> Values {
-    let before = state.before;
-    let r: Values = core::array::from_fn(|i| before[i] + direct.roll_off * (w[i] - before[i]));
-    let sum = core::array::from_fn(|i| gain * (r[i] + before[i]));
-    state.before = r;
-    let leaked = core::array::from_fn(|i| state.integral[i] - leak * state.integral[i]);
-    let integral = add_product(leaked, &direct.integral, &sum);
-    state.integral = integral;
-    let r = r.map(|r| gain * r);
-    add_product(integral, &direct.proportional, &r)
-}
-
-/// The modal forces of a modal law, N/√kg.
-#[inline]
-fn modal_force(
-    modal: &Modal,
-    leak: f32,
-    gain: f32,
-    state: &mut LawState,
-    w: &Values,
-    forces: &Values,
-) -> Values {
-    let mut r = blend(modal, state, w, forces);
-    // `take` bounds the sections without an index that could panic.
-    for (j, states) in state.sections.iter_mut().enumerate().take(modal.sections) {
-        let [x1, x2] = states;
-        for (i, channel) in modal.channels.iter().enumerate() {
-            r[i] = channel.sections[j].run(&mut x1[i], &mut x2[i], r[i]);
+fn follow_law(law: &Law, state: &mut LawState, gain: f32, latched: &Latched) {
+    let leak = law.leak;
+    // What the clamp took of the forces, per sample, for the integrals.
+    let windup = match latched.clamp {
+        Clamp::Active(scale) => law.anti_windup * (1.0 - scale),
+        Clamp::Idle | Clamp::NotFinite => 0.0,
+    };
+    match &law.paths {
+        Paths::Direct(direct) => {
+            let before = state.before;
+            let w = &latched.w;
+            let r: Values =
+                core::array::from_fn(|i| before[i] + direct.roll_off * (w[i] - before[i]));
+            let sum = core::array::from_fn(|i| gain * (r[i] + before[i]));
+            state.before = r;
+            let leaked = state.integral.map(|x| x - leak * x);
+            state.integral = add_product(leaked, &direct.integral, &sum);
+            if windup > 0.0 {
+                for (integral, asked) in state.integral.iter_mut().zip(latched.asked) {
+                    *integral += windup * asked;
+                }
+            }
+        }
+        Paths::Modal(modal) => {
+            let mut r = blend(modal, state, &latched.w, &latched.forces);
+            for (j, [x1, x2]) in state.sections.iter_mut().enumerate().take(modal.sections) {
+                for (i, channel) in modal.channels.iter().enumerate() {
+                    r[i] = channel.sections[j].run(&mut x1[i], &mut x2[i], r[i]);
+                }
+            }
+            for (i, channel) in modal.channels.iter().enumerate() {
+                let x = state.integral[i];
+                let x = x - leak * x + gain * channel.integral * (r[i] + state.before[i]);
+                state.integral[i] = x;
+                if windup > 0.0 {
+                    let asked = -x - gain * channel.proportional * r[i];
+                    state.integral[i] += windup * asked;
+                }
+            }
+            state.before = r;
         }
     }
-    let asked = core::array::from_fn(|i| {
-        let channel = &modal.channels[i];
-        let x = state.integral[i];
-        let x = x - leak * x + gain * channel.integral * (r[i] + state.before[i]);
-        state.integral[i] = x;
-        -x - gain * channel.proportional * r[i]
-    });
-    state.before = r;
-    asked
 }
 
 /// From sensors to modes, with both kinds of sensors blended by a [`Complement`].
@@ -398,10 +536,16 @@ fn blend(modal: &Modal, state: &mut LawState, w: &Values, forces: &Values) -> Va
 }
 
 impl Section {
+    /// The output of a sample, with the states before it.
+    #[inline]
+    fn output(&self, x1: f32, x2: f32, u: f32) -> f32 {
+        self.direct * u + self.band * x1 + self.low * x2
+    }
+
     /// Filters one sample.
     #[inline]
     fn run(&self, x1: &mut f32, x2: &mut f32, u: f32) -> f32 {
-        let y = self.direct * u + self.band * *x1 + self.low * *x2;
+        let y = self.output(*x1, *x2, u);
         let slope = u - self.damping * *x1 - *x2;
         *x2 += self.rate * *x1;
         *x1 += self.rate * slope;
@@ -429,8 +573,14 @@ fn inside(force: &Values, limits: &Values) -> bool {
 
 /// a + m·v, column by column.
 #[inline]
-fn add_product(mut a: Values, m: &Matrix6<f32>, v: &Values) -> Values {
-    for (column, v) in m.data.0.iter().zip(v) {
+fn add_product(a: Values, m: &Matrix6<f32>, v: &Values) -> Values {
+    add_columns(a, &m.data.0, v)
+}
+
+/// a + the sum of columns[i]·v[i].
+#[inline]
+fn add_columns(mut a: Values, columns: &[Values; LEGS], v: &Values) -> Values {
+    for (column, v) in columns.iter().zip(v) {
         for (a, m) in a.iter_mut().zip(column) {
             *a += m * v;
         }

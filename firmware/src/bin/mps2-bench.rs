@@ -1,13 +1,16 @@
-//! Instructions per controller step, counted on the emulated MPS2 board.
+//! Instructions per sample, counted on the emulated MPS2 board.
 //!
-//! With `-icount shift=8` the emulator counts 256 ns per instruction, which are 6.4 counts of
-//! the board's 25 MHz SysTick. `cargo xtask bench` starts it this way.
+//! The emulator is started with `-icount shift=N`: every instruction takes 2^N ns. The board's
+//! SysTick counts at 25 MHz with 24 bits. Each sample is counted by itself, so that the counter
+//! cannot wrap unnoticed: its flag says whether it did. How many counts an instruction takes is
+//! measured with a loop of known length. `cargo xtask bench` runs this at two N, which must agree.
 #![no_std]
 #![no_main]
 
 #[path = "mps2/stop.rs"]
 mod stop;
 
+use core::arch::asm;
 use core::hint::black_box;
 
 use cortex_m::Peripherals;
@@ -19,77 +22,109 @@ use firmware::tables::{both_sensors, metrology_frame};
 use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::{AdcCode, Samples};
-use shared::controller::Controller;
-use shared::step::{Clamp, Demand, LawState, Output, State, Status, Values, force, step};
+use shared::controller::{Controller, Reading};
+use shared::injection::{Injection, LINES, Signal};
+use shared::recorder::{Record, Recording, Trigger};
 use shared::supervisor::{Event, Mode};
-use shared::table::{Direct, Law, Paths, ValidTable};
+use shared::table::{Direct, Paths, Table, ValidTable};
 
-/// SysTick counts for five instructions.
-const TICKS_PER_FIVE: u32 = 32;
+/// Instructions of the loop that calibrates the counter.
+const KNOWN: u32 = 20_000;
 
-/// Calls per measurement. The 24 bits of the counter are enough for 1,000 calls of 2,600
-/// instructions.
-const CALLS: u32 = 1000;
+/// Samples that include everything the controller does only now and then: the end of a leg's
+/// measurement by the pilot, the end of a window of the monitors.
+const LONG: u32 = 30_000;
 
-// Not inlined, so that each is a call with the same arguments and result as the empty
-// function that is subtracted.
+/// Samples of a mode that does the same in each of them.
+const SHORT: u32 = 2_000;
 
-#[inline(never)]
-fn empty_law(_: &Law, _: &Values, _: &mut LawState, _: &[Values; 2]) -> (Values, Clamp) {
-    (black_box([0.0; LEGS]), Clamp::Idle)
+/// Records of the recorder.
+const ROOM: usize = 64;
+
+/// Counts instructions.
+struct Counter {
+    timer: SYST,
+    /// Counts of a call of nothing.
+    empty: u32,
+    /// Counts of [`KNOWN`] instructions.
+    known: u32,
 }
 
-#[inline(never)]
-fn whole_law(
-    law: &Law,
-    limits: &Values,
-    state: &mut LawState,
-    [w, f]: &[Values; 2],
-) -> (Values, Clamp) {
-    force(law, limits, state, w, f, &Demand::LAW)
-}
-
-#[inline(never)]
-fn empty_step(table: &ValidTable, _: &mut State, _: Samples) -> Output {
-    Output {
-        dac: table.safe_codes(),
-        status: Status {
-            sensors_at_rail: 0,
-            forces_at_rail: 0,
-            clamped: false,
-            not_finite: false,
-        },
+impl Counter {
+    fn new(mut timer: SYST) -> Self {
+        timer.set_clock_source(SystClkSource::Core);
+        timer.set_reload(0x00FF_FFFF);
+        timer.clear_current();
+        timer.enable_counter();
+        let mut counter = Self {
+            timer,
+            empty: 0,
+            known: 0,
+        };
+        counter.empty = counter.counts(|| {});
+        counter.known = counter.counts(|| {
+            // SAFETY: counts a register down, two instructions at a time.
+            unsafe {
+                asm!("2: subs {n}, #1", "bne 2b", n = inout(reg) KNOWN / 2 => _);
+            }
+        });
+        counter.known -= counter.empty;
+        counter
     }
-}
 
-#[inline(never)]
-fn whole_step(table: &ValidTable, state: &mut State, adc: Samples) -> Output {
-    step(table, state, adc, Demand::LAW)
-}
-
-/// Instructions per call, including the loop around it.
-fn instructions(mut call: impl FnMut()) -> u32 {
-    let start = SYST::get_current();
-    for _ in 0..CALLS {
+    /// Counts of a call.
+    fn counts(&mut self, call: impl FnOnce()) -> u32 {
+        self.timer.clear_current();
+        // Reading the flag clears it. After a clear the counter reloads, which sets no flag.
+        self.timer.has_wrapped();
+        let start = SYST::get_current();
         call();
+        let end = SYST::get_current();
+        if self.timer.has_wrapped() || end > start && start != 0 {
+            panic!("the counter wrapped");
+        }
+        // It counts down from the reload value, and is 0 until the first count.
+        let start = if start == 0 { 0x0100_0000 } else { start };
+        start - end
     }
-    // The counter has 24 bits and counts down.
-    let ticks = start.wrapping_sub(SYST::get_current()) & 0x00FF_FFFF;
-    (ticks * 5 + TICKS_PER_FIVE * CALLS / 2) / (TICKS_PER_FIVE * CALLS)
+
+    /// Instructions of a call.
+    fn instructions(&mut self, call: impl FnOnce()) -> u32 {
+        let counts = self.counts(call).saturating_sub(self.empty);
+        let (counts, known) = (u64::from(counts), u64::from(self.known));
+        // A call takes far fewer than 2³².
+        ((counts * u64::from(KNOWN) + known / 2) / known) as u32
+    }
+}
+
+/// Average and largest number of instructions of many samples.
+#[derive(Default)]
+struct Count {
+    sum: u64,
+    samples: u32,
+    longest: u32,
+}
+
+impl Count {
+    fn add(&mut self, instructions: u32) {
+        self.sum += u64::from(instructions);
+        self.samples += 1;
+        self.longest = self.longest.max(instructions);
+    }
+
+    fn average(&self) -> u64 {
+        self.sum / u64::from(self.samples.max(1))
+    }
 }
 
 #[entry]
 fn main() -> ! {
-    let Some(mut peripherals) = Peripherals::take() else {
+    let Some(peripherals) = Peripherals::take() else {
         panic!("the peripherals are taken once");
     };
-    peripherals.SYST.set_clock_source(SystClkSource::Core);
-    peripherals.SYST.set_reload(0x00FF_FFFF);
-    peripherals.SYST.clear_current();
-    peripherals.SYST.enable_counter();
-
-    measure("modal", &metrology_frame::TABLE);
-    measure("both", &both_sensors::TABLE);
+    let mut counter = Counter::new(peripherals.SYST);
+    measure(&mut counter, "modal", *metrology_frame::TABLE.get());
+    measure(&mut counter, "both", *both_sensors::TABLE.get());
     // The same machine's table with arbitrary matrices.
     let mut direct = *metrology_frame::TABLE.get();
     direct.law.paths = Paths::Direct(Direct {
@@ -97,24 +132,13 @@ fn main() -> ! {
         proportional: Matrix6::from_element(1.0),
         integral: Matrix6::from_element(0.1),
     });
-    let Ok(direct) = direct.validate() else {
-        panic!("a table of finite numbers");
-    };
-    measure("direct", &direct);
-    controller("modal", &metrology_frame::TABLE);
-    controller("both", &both_sensors::TABLE);
+    measure(&mut counter, "direct", direct);
     stop::done()
 }
 
-/// Number of samples that includes everything the controller does only now and then: the end
-/// of a leg's measurement by the pilot, the end of a window of the monitors.
-const SAMPLES: u32 = 30_000;
-
-/// Prints the instructions of the complete controller with the loop closed, average and
-/// maximum.
-fn controller(name: &str, table: &ValidTable) {
-    // There is no machine: the self-test passes with any answer, and the start takes no time.
-    let mut t = *table.get();
+/// A controller of a table with short waits. There is no machine: the self-test passes with any
+/// answer.
+fn controller(mut t: Table, room: &mut [Record]) -> Controller<'_> {
     t.self_test.tolerance = 1e6;
     t.self_test.settle = 1;
     t.self_test.measure = 16;
@@ -124,62 +148,109 @@ fn controller(name: &str, table: &ValidTable) {
     let Ok(table) = t.validate() else {
         panic!("a table that is one");
     };
-    let mut controller = Controller::new(table, table.checksum(), &mut []);
-    let samples = Samples {
-        sensors: [AdcCode(1); LEGS],
-        forces: [AdcCode(1); LEGS],
-    };
-    for event in [Event::SelfTest, Event::Start] {
-        let _ = controller.ask(event);
-        for _ in 0..200 {
-            black_box(controller.on_sample(samples.into()));
-        }
-    }
-    if controller.report().mode != Mode::Closed {
-        panic!("the loop is to be closed");
-    }
-    let average = instructions(|| {
-        black_box(controller.on_sample(black_box(samples.into())));
-    });
-    // Reading the counter takes a constant number of instructions, some thousands.
-    let (mut least, mut most) = (u32::MAX, 0);
-    for _ in 0..SAMPLES {
-        let start = SYST::get_current();
-        black_box(controller.on_sample(black_box(samples.into())));
-        let ticks = start.wrapping_sub(SYST::get_current()) & 0x00FF_FFFF;
-        let instructions = ticks * 5 / TICKS_PER_FIVE;
-        (least, most) = (least.min(instructions), most.max(instructions));
-    }
-    hprintln!("{} sample {}", name, average);
-    hprintln!("{} longest {}", name, average + most - least);
+    let table: ValidTable = table;
+    Controller::new(table, table.checksum(), room)
 }
 
-/// Prints name and instructions of law and step, which `cargo xtask bench` compares.
-fn measure(name: &str, table: &ValidTable) {
-    let law = &table.get().law;
-    let limits = table.get().actuators.map(|drive| drive.limit);
-    // Small enough not to be clamped.
-    let w = [[1e-7; LEGS]; 2];
-    let mut state = LawState::REST;
-    let mut measure = |call: fn(&Law, &Values, &mut LawState, &[Values; 2]) -> (Values, Clamp)| {
-        instructions(|| {
-            let (law, limits, w) = black_box((law, &limits, &w));
-            black_box(call(law, limits, &mut state, w));
-        })
-    };
-    let [empty, whole] = [empty_law, whole_law].map(&mut measure);
-    hprintln!("{} law {}", name, whole - empty);
+/// Small enough not to be clamped, and different from sample to sample.
+fn reading(k: u32) -> Reading {
+    let code = AdcCode([1, -1, 0, 2][(k % 4) as usize]);
+    Samples {
+        sensors: [code; LEGS],
+        forces: [code; LEGS],
+    }
+    .into()
+}
 
-    let mut state = State::settled_on(table, [AdcCode(0); LEGS].into());
-    let adc = Samples {
-        sensors: [AdcCode(1); LEGS],
-        forces: [AdcCode(1); LEGS],
+/// Runs samples; counts of both halves and of the first one.
+fn run(counter: &mut Counter, controller: &mut Controller<'_>, samples: u32) -> [Count; 2] {
+    let mut counts = [Count::default(), Count::default()];
+    for k in 0..samples {
+        let reading = black_box(reading(k));
+        let first = counter.instructions(|| {
+            black_box(controller.latch(reading));
+        });
+        let second = counter.instructions(|| controller.follow());
+        let [whole, latch] = &mut counts;
+        whole.add(first + second);
+        latch.add(first);
+    }
+    counts
+}
+
+/// Prints the instructions of the first half and of whole samples in every mode.
+fn measure(counter: &mut Counter, name: &str, table: Table) {
+    let mut room = [Record::NONE; ROOM];
+    let mut controller = controller(table, &mut room);
+    let mut print = |controller: &mut Controller<'_>, what: &str, mode: Mode, samples: u32| {
+        let [whole, latch] = run(counter, controller, samples);
+        // The mode may end with the last sample.
+        if controller.report().mode != mode {
+            panic!("{} is not {:?}", what, mode);
+        }
+        hprintln!("{} {} {}", name, what, whole.average());
+        hprintln!("{} {} longest {}", name, what, whole.longest);
+        hprintln!("{} {} latch {}", name, what, latch.longest);
     };
-    let mut measure = |call: fn(&ValidTable, &mut State, Samples) -> Output| {
-        instructions(|| {
-            black_box(call(black_box(table), &mut state, black_box(adc)));
-        })
-    };
-    let [empty, whole] = [empty_step, whole_step].map(&mut measure);
-    hprintln!("{} step {}", name, whole - empty);
+    print(&mut controller, "untested", Mode::Untested, SHORT);
+    let _ = controller.ask(Event::SelfTest);
+    // Six legs of seventeen samples.
+    print(&mut controller, "self-test", Mode::Testing, 90);
+    settle(&mut controller);
+    print(&mut controller, "idle", Mode::Idle, SHORT);
+    let _ = controller.ask(Event::Start);
+    settle(&mut controller);
+    print(&mut controller, "closed", Mode::Closed, LONG);
+    controller.set_telemetry(1);
+    let _ = controller.arm(Recording {
+        trigger: Trigger::Rise {
+            sensor: 5,
+            level: AdcCode(1000),
+        },
+        before: 10,
+        after: 10,
+    });
+    print(&mut controller, "recording", Mode::Closed, SHORT);
+    let signals = [
+        ("sine", Signal::Sine { hz: 10.0 }),
+        (
+            "sweep",
+            Signal::Sweep {
+                from: 1.0,
+                to: 1000.0,
+            },
+        ),
+        (
+            "multisine",
+            Signal::Multisine {
+                period: 4096,
+                first: 1,
+                apart: 2,
+                count: LINES,
+            },
+        ),
+        ("noise", Signal::Noise { seed: 1 }),
+    ];
+    for (what, signal) in signals {
+        let injection = Injection {
+            signal,
+            legs: [1e-3; LEGS],
+            samples: 2 * SHORT,
+        };
+        if controller.start_injection(injection).is_err() {
+            panic!("an injection that is allowed");
+        }
+        print(&mut controller, what, Mode::Closed, SHORT);
+    }
+    controller.table_changed();
+    print(&mut controller, "failing", Mode::Failing, 10);
+    settle(&mut controller);
+    print(&mut controller, "failed", Mode::Failed, SHORT);
+}
+
+/// Samples until the mode no longer changes.
+fn settle(controller: &mut Controller<'_>) {
+    for k in 0..5_000 {
+        black_box(controller.on_sample(reading(k)));
+    }
 }

@@ -600,8 +600,9 @@ impl Course<'_> {
         let mut injector = Injector::new(self.table, self.injection(leg, period));
         let mut wave: Vec<Complex<f64>> = (0..period)
             .map(|_| {
-                let forces = injector.advance().map_or(0.0, |forces| forces.0[leg]);
-                Complex::from(f64::from(forces))
+                let force = injector.forces().0[leg];
+                injector.advance();
+                Complex::from(f64::from(force))
             })
             .collect();
         windowed(&mut wave);

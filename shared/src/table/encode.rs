@@ -28,7 +28,9 @@ impl ValidTable {
     /// Encodes the table with postcard at the start of `room` and returns the bytes used.
     /// None if `room` is too small.
     pub fn encode<'a>(&self, room: &'a mut [u8; TABLE_ROOM]) -> Option<&'a [u8]> {
-        postcard::to_slice(&self.0, room).ok().map(|bytes| &*bytes)
+        postcard::to_slice(self.get(), room)
+            .ok()
+            .map(|bytes| &*bytes)
     }
 
     /// CRC-32 (ISO-HDLC) of the encoded table. It identifies the table and reveals a
@@ -36,7 +38,7 @@ impl ValidTable {
     pub fn checksum(&self) -> u32 {
         // A table has only numbers, options and arrays of fixed length, which postcard
         // always encodes, and the sum accepts every byte.
-        postcard::serialize_with_flavor(&self.0, Sum(CRC_32.digest())).unwrap_or(0)
+        postcard::serialize_with_flavor(self.get(), Sum(CRC_32.digest())).unwrap_or(0)
     }
 }
 

@@ -5,6 +5,7 @@
 //! [`ValidTable`], which is all that the step accepts. Validation is `const`, so
 //! the compiler checks a table that is compiled into the firmware.
 
+mod direct_path;
 mod encode;
 mod error;
 mod law;
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, Drive};
 
+pub use direct_path::DirectPath;
 pub use encode::TABLE_ROOM;
 pub use error::TableError;
 pub use law::{Channel, Complement, Direct, Law, Modal, Paths, SECTIONS, Section};

@@ -3,27 +3,36 @@
 use nalgebra::Matrix6;
 
 use super::{
-    Complement, Direct, FORMAT_VERSION, Feedback, Modal, Paths, SECTIONS, Section, SelfTest,
-    Supervision, Table, TableError,
+    Complement, Direct, DirectPath, FORMAT_VERSION, Feedback, Modal, Paths, SECTIONS, Section,
+    SelfTest, Supervision, Table, TableError,
 };
 use crate::LEGS;
 use crate::codes::DacCode;
 
-/// A validated table, the only kind that the step accepts.
+/// A validated table, the only kind that the step accepts, with what follows from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ValidTable(pub(super) Table);
+pub struct ValidTable {
+    table: Table,
+    direct_path: DirectPath,
+}
 
 impl ValidTable {
     /// The table itself.
     #[inline]
     pub const fn get(&self) -> &Table {
-        &self.0
+        &self.table
+    }
+
+    /// The path of the law straight through.
+    #[inline]
+    pub const fn direct_path(&self) -> &DirectPath {
+        &self.direct_path
     }
 
     /// The DAC code of zero force for each leg: a board's outputs while nothing drives
     /// the legs.
     pub fn safe_codes(&self) -> [DacCode; LEGS] {
-        self.0.actuators.map(|drive| drive.code(0.0))
+        self.table.actuators.map(|drive| drive.code(0.0))
     }
 }
 
@@ -92,7 +101,10 @@ impl Table {
             }
             i += 1;
         }
-        Ok(ValidTable(self))
+        Ok(ValidTable {
+            direct_path: DirectPath::new(&self.law),
+            table: self,
+        })
     }
 }
 
