@@ -21,9 +21,16 @@ pub const READ: f64 = 4.5e-6;
 /// From interrupt to handler, s: twelve cycles, and as many for what is under way.
 const ENTRY: f64 = 24.0 / CORE;
 
-/// Of a frame on a bus, beside its bits: select, queue, status, over a bridge to
-/// registers at a quarter of the core's clock. Some fifteen accesses of ten cycles.
-const FRAME: f64 = 150.0 / CORE;
+/// Bits until the end of a frame on the DAC's bus is seen.
+const WAIT: f64 = 1.0;
+
+/// Accesses to registers that a frame of the ADC costs beside its bits, and one of the DAC: as
+/// counted on the virtual board (`cargo xtask virtual`), which fails if they become more.
+pub const ACCESSES: [u32; 2] = [11, 4];
+
+/// Core cycles for an access to a register of the converters' buses: two bridges and registers
+/// at a quarter of the core's clock. The board measures it.
+const ACCESS: f64 = 20.0;
 
 /// Core cycles for an instruction: a Cortex-M7 with code and data in its tightly coupled
 /// memories issues up to two; waiting for the floating-point unit takes most of that
@@ -38,31 +45,35 @@ pub const SETUP: f32 = 1.5e-6;
 pub struct Budget {
     /// Reading six channels.
     pub read: f64,
-    /// The controller.
-    pub compute: f64,
+    /// The first half of the controller: from codes to codes.
+    pub latch: f64,
     /// Writing six channels.
     pub write: f64,
+    /// The second half of the controller.
+    pub follow: f64,
 }
 
 impl Budget {
-    /// With so many instructions for the controller.
-    pub fn new(instructions: f64) -> Self {
+    /// With so many instructions for a whole sample, and of these for its first half.
+    pub fn new(sample: f64, latch: f64) -> Self {
         let bits = |bytes: usize| 8.0 * bytes as f64;
+        let [read, write] = ACCESSES.map(|accesses| f64::from(accesses) * ACCESS / CORE);
         Self {
-            read: ENTRY + FRAME + bits(ad7606::FRAME) / ADC_CLOCK,
-            compute: instructions * CYCLES / CORE,
-            write: 6.0 * (FRAME + bits(ad5676r::FRAME) / DAC_CLOCK),
+            read: ENTRY + read + bits(ad7606::FRAME) / ADC_CLOCK,
+            latch: latch * CYCLES / CORE,
+            write: 6.0 * (write + (bits(ad5676r::FRAME) + WAIT) / DAC_CLOCK),
+            follow: (sample - latch) * CYCLES / CORE,
         }
     }
 
     /// The processor is busy with it so long.
     pub fn busy(&self) -> f64 {
-        self.read + self.compute + self.write
+        self.read + self.latch + self.write + self.follow
     }
 
     /// From the sample until its codes can be latched.
     pub fn ready(&self) -> f64 {
-        READ + self.busy() + f64::from(SETUP)
+        READ + self.read + self.latch + self.write + f64::from(SETUP)
     }
 }
 

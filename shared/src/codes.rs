@@ -14,6 +14,8 @@ pub struct AdcCode(pub i16);
 
 /// The ADC codes of one sampling instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+// Copied in words of 32 bits.
+#[repr(align(4))]
 pub struct Samples {
     /// Codes of the table's sensors.
     pub sensors: [AdcCode; LEGS],

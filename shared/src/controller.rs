@@ -10,7 +10,7 @@ use crate::injection::{Injection, Injector, UNASKED};
 use crate::monitors::Monitors;
 use crate::recorder::{Record, Recorded, Recorder, Recording};
 use crate::self_test::{Course, Probe, Verdict};
-use crate::step::{Ahead, Demand, Latched, State, Status, follow, latch};
+use crate::step::{Ahead, Demand, Latched, State, Status, follow, larger};
 use crate::supervisor::{Cause, Event, GENTLE, LatchedFault, Mode, QUIET};
 use crate::table::{ModelDigest, TableError, ValidTable};
 
@@ -89,8 +89,10 @@ pub struct Health {
     /// Sample period, ns.
     pub period: u32,
     /// Longest time from a sample's interrupt until its codes were written, ns.
+    pub written: u32,
+    /// Longest time that the processor was busy with a sample, ns.
     pub longest: u32,
-    /// Average time from a sample's interrupt until its codes were written, ns.
+    /// Average time that the processor is busy with a sample, ns.
     pub usual: u32,
     /// Difference between the latest and the earliest interrupt relative to the timer, ns.
     pub jitter: u32,
@@ -168,15 +170,6 @@ const STRIKES: u32 = 2;
 /// Length of the telemetry queue.
 const WAITING: usize = 8;
 
-/// The outputs of a sample as far as they are known before it is read.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Next {
-    /// These codes, whatever is read.
-    Codes([DacCode; LEGS]),
-    /// They follow from the codes that are read.
-    Law(Ahead),
-}
-
 /// The controller of a board. Its recorder uses memory given by the caller.
 #[derive(Debug)]
 pub struct Controller<'a> {
@@ -190,12 +183,18 @@ pub struct Controller<'a> {
     mode: Mode,
     /// None until the first sample has initialised the AC coupling.
     state: Option<State>,
+    /// Whether the next outputs are `held`, whatever is read, and do not follow from `ahead`.
+    holds: bool,
+    /// The outputs of a fault.
+    held: [DacCode; LEGS],
     /// What is known of the next sample before it is read.
-    next: Next,
-    /// The sample that was put out last, until its second half.
-    latched: Option<Latched>,
-    /// What was said about the sample that was read last.
-    reading: Reading,
+    ahead: Ahead,
+    /// The sample whose outputs followed from `ahead` last.
+    latched: Latched,
+    /// Whether the last sample was read.
+    read: bool,
+    /// Whether the sample before it was late.
+    was_late: bool,
     /// As in [`Demand`].
     gain: f32,
     /// As in [`Demand`].
@@ -245,12 +244,12 @@ impl<'a> Controller<'a> {
             at: 0,
             mode: Mode::Untested,
             state: None,
-            next: Next::Codes(dac),
-            latched: None,
-            reading: Reading {
-                samples: None,
-                late: false,
-            },
+            holds: true,
+            held: dac,
+            ahead: Ahead::NOTHING,
+            latched: Latched::NOTHING,
+            read: false,
+            was_late: false,
             gain: 0.0,
             fade: 0.0,
             settling: (0, [0; LEGS]),
@@ -344,17 +343,18 @@ impl<'a> Controller<'a> {
     /// called before the next one.
     #[inline]
     pub fn latch(&mut self, reading: Reading) -> [DacCode; LEGS] {
-        match (&self.next, &reading.samples) {
-            (Next::Codes(codes), _) => self.dac = *codes,
-            (Next::Law(ahead), Some(samples)) => {
-                let latched = latch(&self.table, ahead, samples);
-                self.dac = latched.dac;
-                self.latched = Some(latched);
+        if let Some(samples) = reading.samples {
+            self.samples = samples;
+            if !self.holds {
+                self.latched.latch(&self.table, &self.ahead, &self.samples);
+                self.dac = self.latched.dac;
             }
-            // The outputs keep their values.
-            (Next::Law(_), None) => {}
         }
-        self.reading = reading;
+        if self.holds {
+            self.dac = self.held;
+        }
+        // Else a sample that was not read leaves the outputs as they are.
+        (self.read, self.was_late) = (reading.samples.is_some(), reading.late);
         self.dac
     }
 
@@ -363,20 +363,15 @@ impl<'a> Controller<'a> {
     /// sample on.
     pub fn follow(&mut self) {
         let was_fault = self.mode.is_fault();
-        let late = self.reading.late;
-        self.late = self.late.saturating_add(u32::from(late));
-        let status = match self.reading.samples {
-            Some(samples) => {
-                self.samples = samples;
-                self.sampled(late)
+        self.late = self.late.saturating_add(u32::from(self.was_late));
+        let status = if self.read {
+            self.sampled()
+        } else {
+            self.lost = self.lost.saturating_add(1);
+            if let Some(cause) = self.monitors.lost(&self.table) {
+                self.fail(cause);
             }
-            None => {
-                self.lost = self.lost.saturating_add(1);
-                if let Some(cause) = self.monitors.lost(&self.table) {
-                    self.fail(cause);
-                }
-                Status::NOTHING
-            }
+            Status::NOTHING
         };
         let record = Record {
             adc: self.samples,
@@ -406,28 +401,26 @@ impl<'a> Controller<'a> {
     }
 
     /// The second half of a sample that was read.
-    fn sampled(&mut self, late: bool) -> Status {
-        let samples = &self.samples;
+    fn sampled(&mut self) -> Status {
+        let (table, samples) = (&self.table, &self.samples);
         let state = self
             .state
-            .get_or_insert_with(|| State::settled_on(&self.table, *samples));
-        let latched = self.latched.take();
-        let status = match (&self.next, &latched) {
-            (Next::Law(ahead), Some(latched)) => {
-                follow(&self.table, state, ahead, latched, samples)
-            }
+            .get_or_insert_with(|| State::settled_on(table, *samples));
+        if self.holds {
             // The outputs do not depend on the sensors, but the AC coupling follows them.
-            _ => {
-                let ahead = Ahead::open(state, LegForces::ZERO);
-                let latched = latch(&self.table, &ahead, samples);
-                follow(&self.table, state, &ahead, &latched, samples)
-            }
-        };
+            self.ahead.open(state, &LegForces::ZERO);
+            self.latched.latch(table, &self.ahead, samples);
+        }
+        let status = follow(table, state, &self.ahead, &self.latched, samples);
         let calm = self.injector.is_none();
-        let seen = (self.dac, status);
-        let cause = self
-            .monitors
-            .see(&self.table, self.mode, self.samples, seen, late, calm);
+        let cause = self.monitors.see(
+            table,
+            self.mode,
+            samples,
+            (&self.dac, status),
+            self.was_late,
+            calm,
+        );
         let cause = cause.or_else(|| self.probed());
         if let Some(injector) = &mut self.injector
             && !injector.advance()
@@ -454,7 +447,7 @@ impl<'a> Controller<'a> {
                 *since += 1;
             }
         }
-        if self.mode.is_loop() {
+        if self.mode.is_loop() && !(self.mode == Mode::Closed && self.gain == self.target) {
             if self.mode == Mode::Starting && self.gain >= QUIET {
                 self.settle();
             }
@@ -466,26 +459,30 @@ impl<'a> Controller<'a> {
     /// change of mode, gain or injection too.
     fn prepare(&mut self) {
         let Some(state) = &self.state else {
-            self.next = Next::Codes(self.table.safe_codes());
+            (self.holds, self.held) = (true, self.table.safe_codes());
             return;
         };
-        self.next = match self.mode {
+        self.holds = self.mode.is_fault();
+        match self.mode {
             Mode::Starting | Mode::Closed | Mode::Stopping => {
                 let demand = Demand {
                     gain: self.gain,
                     fade: self.fade,
                     injection: self.pilot().unwrap_or_else(|| self.injected_forces()),
                 };
-                Next::Law(Ahead::closed(&self.table, state, demand))
+                self.ahead.close(&self.table, state, &demand);
             }
             Mode::Testing => {
                 let push = self.probe.push(Course::open(&self.table.get().self_test));
-                Next::Law(Ahead::open(state, push))
+                self.ahead.open(state, &push);
             }
-            Mode::Idle => Next::Law(Ahead::open(state, self.injected_forces())),
-            Mode::Untested => Next::Law(Ahead::open(state, LegForces::ZERO)),
-            Mode::Failing | Mode::Failed => Next::Codes(self.fallen()),
-        };
+            Mode::Idle => {
+                let injected = self.injected_forces();
+                self.ahead.open(state, &injected);
+            }
+            Mode::Untested => self.ahead.open(state, &LegForces::ZERO),
+            Mode::Failing | Mode::Failed => self.held = self.fallen(),
+        }
     }
 
     /// Changes the gain towards its target by one factor per sample. A soft start lowers it
@@ -542,7 +539,7 @@ impl<'a> Controller<'a> {
     fn push(&self) -> f32 {
         let legs = self.table.get().actuators.iter().zip(self.dac);
         legs.map(|(drive, code)| (drive.force(code) / drive.limit).abs())
-            .fold(0.0, f32::max)
+            .fold(0.0, larger)
     }
 
     /// The forces of the pilot. None unless the loop is closed and nothing else is injected.
@@ -639,7 +636,7 @@ impl<'a> Controller<'a> {
             self.settling = (0, [0; LEGS]);
             // The law starts at rest; the AC coupling keeps its state.
             if let Some(state) = &mut self.state {
-                state.start();
+                state.start(&self.table);
             }
         }
         (self.probe, self.strikes) = (Probe::NEW, 0);

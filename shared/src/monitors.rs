@@ -1,8 +1,8 @@
 //! The monitors: faults of sensors, outputs and the board, found in every sample.
 
 use crate::LEGS;
-use crate::codes::{AdcCode, DacCode, Samples};
-use crate::step::Status;
+use crate::codes::{DacCode, Samples};
+use crate::step::{Status, larger};
 use crate::supervisor::{Cause, Mode};
 use crate::table::{Table, ValidTable};
 
@@ -10,27 +10,86 @@ use crate::table::{Table, ValidTable};
 const SENSORS: usize = 2 * LEGS;
 
 /// Time constant of the average of a sensor's jumps from sample to sample, samples.
-const USUAL: i32 = 64;
+const USUAL: u32 = 64;
 
 /// Smallest ratio of a spike to the average jump. A vibration of any frequency stays below
 /// it.
-const FAR: i32 = 8;
+const FAR: u32 = 8;
+
+/// Jumps that are remembered: the three of a spike, rounded up to a power of two.
+const JUMPS: usize = 4;
+
+/// Each channel is added to the sums of the window every so many samples, in turn: a variance
+/// needs no more.
+const TURNS: usize = 4;
+
+/// What is remembered of a sensor from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Watched {
+    /// The previous code.
+    before: i32,
+    /// Consecutive samples with the same code.
+    still: u32,
+    /// The last differences between consecutive codes, in a ring: [`Monitors::last`].
+    jumps: [i32; JUMPS],
+    /// [`USUAL`] times the recent average of their absolute values.
+    level: u32,
+    /// Spikes in the current second.
+    spikes: u32,
+}
+
+impl Watched {
+    const NEW: Self = Self {
+        before: 0,
+        still: 0,
+        jumps: [0; JUMPS],
+        level: 0,
+        spikes: 0,
+    };
+
+    /// Takes the next code; its jump goes to the place `next` of the ring. Returns whether it
+    /// ends a spike of at least `limit`.
+    #[inline]
+    fn jump(&mut self, next: usize, code: i32, limit: u32) -> bool {
+        let now = code - self.before;
+        self.before = code;
+        self.jumps[next % JUMPS] = now;
+        self.level = self.level - self.level / USUAL + now.unsigned_abs();
+        if now == 0 {
+            self.still = self.still.saturating_add(1);
+            return false;
+        }
+        self.still = 0;
+        now.unsigned_abs() >= limit && self.is_spike(next, limit)
+    }
+
+    /// Whether the jumps up to the one at `last` are a spike of at least `limit`.
+    #[cold]
+    #[inline(never)]
+    fn is_spike(&self, last: usize, limit: u32) -> bool {
+        let [first, there, back] =
+            [2, 1, 0].map(|before| self.jumps[(last + JUMPS - before) % JUMPS]);
+        let size = there.unsigned_abs().min(back.unsigned_abs());
+        // Quiet before it, and then back near the old value.
+        size >= limit
+            && 4 * first.unsigned_abs() <= size
+            && 2 * (there + back).unsigned_abs() <= size
+            && size >= FAR * self.level / USUAL
+    }
+}
 
 /// The state of the monitors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Monitors {
+    sensors: [Watched; SENSORS],
+    /// Place of the last jump in each sensor's ring.
+    last: usize,
     /// Consecutive samples at a rail.
     rail: [u32; SENSORS],
-    /// Consecutive samples with the same code.
-    still: [u32; SENSORS],
-    /// The previous codes.
-    before: [AdcCode; SENSORS],
-    /// The last three differences between consecutive codes, the oldest first.
-    jumps: [[i32; SENSORS]; 3],
-    /// [`USUAL`] times the recent average of their absolute values.
-    level: [i32; SENSORS],
-    /// Spikes in the current second.
-    spikes: [u32; SENSORS],
+    /// Whether any of `rail` is not zero.
+    railed: bool,
+    /// Spikes of all sensors in the current second.
+    spikes: u32,
     /// Samples of the current second.
     second: u32,
     /// Consecutive samples that could not be read.
@@ -42,6 +101,8 @@ pub struct Monitors {
     /// The current and the previous window, which alternate: a copy would take longer than
     /// everything else.
     windows: [WindowSums; 2],
+    /// Whether the first window has begun.
+    begun: bool,
     /// Whether the second of `windows` is the current one.
     turn: bool,
     /// The next part of the previous window to evaluate.
@@ -57,6 +118,54 @@ pub struct Monitors {
     grown: u32,
 }
 
+/// Sums of the differences of a code from its value at the start of a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Sums {
+    origin: i32,
+    /// Number of codes.
+    count: u32,
+    /// Of the differences.
+    first: i64,
+    /// Of their squares.
+    second: i64,
+}
+
+impl Sums {
+    /// Before the first code of a window, which is `origin`.
+    const fn at(origin: i32) -> Self {
+        Self {
+            origin,
+            count: 0,
+            first: 0,
+            second: 0,
+        }
+    }
+
+    #[inline]
+    fn add(&mut self, code: i32) {
+        // Codes have sixteen bits, so a square fits into 64.
+        let d = i64::from(code - self.origin);
+        self.count += 1;
+        self.first += d;
+        self.second += d * d;
+    }
+
+    /// The variance of the codes.
+    fn variance(&self) -> f32 {
+        let n = self.count as f32;
+        let mean = single(self.first) / n;
+        single(self.second) / n - mean * mean
+    }
+}
+
+/// The number in single precision, by its halves: the conversion of a whole one would be a
+/// subroutine.
+#[inline]
+fn single(x: i64) -> f32 {
+    // The upper half has the sign; the lower one is what is left.
+    (x >> 32) as i32 as f32 * 4_294_967_296.0 + x as u32 as f32
+}
+
 /// Sums over a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct WindowSums {
@@ -64,37 +173,17 @@ struct WindowSums {
     count: u32,
     /// Missed deadlines.
     late: u32,
-    /// The sensors' codes at the start of the window. The sums are of differences from
-    /// these.
-    origin: [AdcCode; SENSORS],
-    sums: [i64; SENSORS],
-    squares: [i64; SENSORS],
-    /// The outputs at the start of the window.
-    start: [DacCode; LEGS],
-    /// Sum and sum of squares of the differences from `start`, codes.
-    forces: [(f32, f32); LEGS],
+    sensors: [Sums; SENSORS],
+    forces: [Sums; LEGS],
 }
 
 impl WindowSums {
     const EMPTY: Self = Self {
         count: 0,
         late: 0,
-        origin: [AdcCode(0); SENSORS],
-        sums: [0; SENSORS],
-        squares: [0; SENSORS],
-        start: [DacCode(0); LEGS],
-        forces: [(0.0, 0.0); LEGS],
+        sensors: [Sums::at(0); SENSORS],
+        forces: [Sums::at(0); LEGS],
     };
-}
-
-/// The codes of the six sensors, then those of the six force sensors.
-fn in_row(samples: Samples) -> [AdcCode; SENSORS] {
-    let mut row = [AdcCode(0); SENSORS];
-    let both = samples.sensors.iter().chain(&samples.forces);
-    for (slot, code) in row.iter_mut().zip(both) {
-        *slot = *code;
-    }
-    row
 }
 
 /// Number of sensors that the table uses.
@@ -121,17 +210,17 @@ fn mask(table: &Table, is: impl Fn(usize) -> bool) -> Option<u16> {
 impl Monitors {
     /// Before the first sample.
     pub const NEW: Self = Self {
+        sensors: [Watched::NEW; SENSORS],
+        last: 0,
         rail: [0; SENSORS],
-        still: [0; SENSORS],
-        before: [AdcCode(0); SENSORS],
-        jumps: [[0; SENSORS]; 3],
-        level: [0; SENSORS],
-        spikes: [0; SENSORS],
+        railed: false,
+        spikes: 0,
         second: 0,
         lost: 0,
         saturated: 0,
         silence: 0,
         windows: [WindowSums::EMPTY; 2],
+        begun: false,
         turn: false,
         stage: usize::MAX,
         variances: [0.0; SENSORS],
@@ -164,31 +253,20 @@ impl Monitors {
         &mut self,
         table: &ValidTable,
         mode: Mode,
-        samples: Samples,
-        (dac, status): ([DacCode; LEGS], Status),
+        samples: &Samples,
+        (dac, status): (&[DacCode; LEGS], Status),
         late: bool,
         calm: bool,
     ) -> Option<Cause> {
         let table = table.get();
         let limits = &table.supervision;
         self.lost = 0;
-        let codes = in_row(samples);
-        let railed = [status.sensors_at_rail, status.forces_at_rail];
-        for i in 0..SENSORS {
-            let at_rail = railed[i / LEGS] >> (i % LEGS) & 1 != 0;
-            self.rail[i] = if at_rail {
-                self.rail[i].saturating_add(1)
-            } else {
-                0
-            };
-            self.still[i] = if codes[i] == self.before[i] {
-                self.still[i].saturating_add(1)
-            } else {
-                0
-            };
+        if !self.begun {
+            self.begun = true;
+            self.begin(samples, dac);
         }
-        self.count_spikes(table, codes, calm && !status.clamped);
-        self.before = codes;
+        self.count_rails(status);
+        let stuck = self.look(table, samples, calm && !status.clamped);
         if mode.is_loop() && status.clamped {
             // Four up and one down, so that a limit cycle that is clamped in only some of
             // its samples counts too.
@@ -202,22 +280,23 @@ impl Monitors {
         } else {
             0
         };
-        self.add(table, codes, dac, late);
+        self.add(table, samples, dac, late);
 
         if status.not_finite {
             return Some(Cause::NotFinite);
         }
-        if let Some(bits) = mask(table, |i| self.rail[i] >= limits.rail) {
+        if self.railed
+            && let Some(bits) = mask(table, |i| self.rail[i] >= limits.rail)
+        {
             return Some(Cause::Rail(bits));
         }
-        if limits.stuck > 0
-            && let Some(bits) = mask(table, |i| self.still[i] >= limits.stuck)
-        {
+        if stuck && let Some(bits) = mask(table, |i| self.sensors[i].still >= limits.stuck) {
             return Some(Cause::Stuck(bits));
         }
-        if self.spikes.iter().sum::<u32>() >= limits.spikes {
-            let most = self.spikes.iter().copied().fold(0, u32::max);
-            return mask(table, |i| 2 * self.spikes[i] >= most).map(Cause::Erratic);
+        if self.spikes >= limits.spikes {
+            let spikes = self.sensors.map(|sensor| sensor.spikes);
+            let most = spikes.iter().copied().fold(0, u32::max);
+            return mask(table, |i| 2 * spikes[i] >= most).map(Cause::Erratic);
         }
         if self.saturated / 4 >= limits.saturated {
             return Some(Cause::Saturated);
@@ -233,63 +312,112 @@ impl Monitors {
         if window.count >= limits.window {
             self.turn = !self.turn;
             self.stage = 0;
-            let (next, _) = self.windows();
-            next.count = 0;
+            self.begin(samples, dac);
         }
         self.conclude(table, mode)
     }
 
-    fn count_spikes(&mut self, table: &Table, codes: [AdcCode; SENSORS], calm: bool) {
+    /// Counts the samples at a rail. Nothing to do as long as there are none.
+    #[inline]
+    fn count_rails(&mut self, status: Status) {
+        if !status.at_rail() && !self.railed {
+            return;
+        }
+        let bits = u16::from(status.sensors_at_rail) | u16::from(status.forces_at_rail) << LEGS;
+        self.railed = bits != 0;
+        for (i, rail) in self.rail.iter_mut().enumerate() {
+            *rail = if bits >> i & 1 != 0 {
+                rail.saturating_add(1)
+            } else {
+                0
+            };
+        }
+    }
+
+    /// Looks at the codes of all sensors. Returns whether one has not changed for too long.
+    #[inline]
+    fn look(&mut self, table: &Table, samples: &Samples, calm: bool) -> bool {
         self.second += 1;
         // Rates are positive and far below 2³².
         if self.second >= table.sample_rate as u32 {
             self.second = 0;
-            self.spikes = [0; SENSORS];
+            self.spikes = 0;
+            for sensor in &mut self.sensors {
+                sensor.spikes = 0;
+            }
         }
-        let limits = table.supervision.spike;
-        let [first, there, back] = self.jumps;
-        let now: [i32; SENSORS] =
-            core::array::from_fn(|i| i32::from(codes[i].0) - i32::from(self.before[i].0));
-        for i in 0..count(table) {
-            let limit = i32::from(limits[i / LEGS]);
-            let size = there[i].abs().min(back[i].abs());
-            // Quiet before it, and then back near the old value.
-            let alone = 4 * first[i].abs() <= size && 2 * (there[i] + back[i]).abs() <= size;
-            let far = size >= limit && size >= FAR * self.level[i] / USUAL;
-            self.spikes[i] += u32::from(limit > 0 && alone && far && calm);
-            self.level[i] += now[i].abs() - self.level[i] / USUAL;
+        let limits = &table.supervision;
+        let longest = if limits.stuck > 0 {
+            limits.stuck
+        } else {
+            u32::MAX
+        };
+        let mut stuck = false;
+        let next = (self.last + 1) % JUMPS;
+        self.last = next;
+        let kinds = [&samples.sensors, &samples.forces];
+        let watched = self.sensors.as_chunks_mut::<LEGS>().0.iter_mut();
+        // The table may use one kind only.
+        let all = watched.zip(kinds).zip(limits.spike);
+        for ((watched, codes), spike) in all.take(count(table) / LEGS) {
+            // 0 switches the monitor off.
+            let spike = if spike == 0 || !calm {
+                u32::MAX
+            } else {
+                u32::from(spike)
+            };
+            for i in 0..LEGS {
+                let sensor = &mut watched[i];
+                if sensor.jump(next, codes[i].0.into(), spike) {
+                    sensor.spikes += 1;
+                    self.spikes += 1;
+                }
+                stuck |= sensor.still >= longest;
+            }
         }
-        self.jumps = [there, back, now];
+        stuck
+    }
+
+    /// Adds a sample to the current window: of every channel, every fourth sample.
+    #[inline]
+    fn add(&mut self, table: &Table, samples: &Samples, dac: &[DacCode; LEGS], late: bool) {
+        let (window, _) = self.windows();
+        let turn = window.count as usize % TURNS;
+        window.count += 1;
+        window.late += u32::from(late);
+        let kinds = [&samples.sensors, &samples.forces];
+        let sums = window.sensors.as_chunks_mut::<LEGS>().0.iter_mut();
+        for (sums, codes) in sums.zip(kinds).take(count(table) / LEGS) {
+            for i in [turn, turn + TURNS] {
+                if let (Some(sums), Some(code)) = (sums.get_mut(i), codes.get(i)) {
+                    sums.add(code.0.into());
+                }
+            }
+        }
+        for i in [turn, turn + TURNS] {
+            if let (Some(sums), Some(code)) = (window.forces.get_mut(i), dac.get(i)) {
+                sums.add(code.0.into());
+            }
+        }
+    }
+
+    /// Begins a window. The codes of this sample are the origin of its sums.
+    fn begin(&mut self, samples: &Samples, dac: &[DacCode; LEGS]) {
+        let (window, _) = self.windows();
+        (window.count, window.late) = (0, 0);
+        let codes = samples.sensors.iter().chain(&samples.forces);
+        for (sums, code) in window.sensors.iter_mut().zip(codes) {
+            *sums = Sums::at(code.0.into());
+        }
+        for (sums, code) in window.forces.iter_mut().zip(dac) {
+            *sums = Sums::at(code.0.into());
+        }
     }
 
     /// The current and the previous window.
     fn windows(&mut self) -> (&mut WindowSums, &mut WindowSums) {
         let [a, b] = &mut self.windows;
         if self.turn { (b, a) } else { (a, b) }
-    }
-
-    fn add(&mut self, table: &Table, codes: [AdcCode; SENSORS], dac: [DacCode; LEGS], late: bool) {
-        let (w, _) = self.windows();
-        if w.count == 0 {
-            *w = WindowSums {
-                origin: codes,
-                start: dac,
-                ..WindowSums::EMPTY
-            };
-        }
-        w.count += 1;
-        w.late += u32::from(late);
-        for (i, code) in codes.iter().enumerate().take(count(table)) {
-            let d = i64::from(code.0) - i64::from(w.origin[i].0);
-            w.sums[i] += d;
-            w.squares[i] += d * d;
-        }
-        for ((force, code), start) in w.forces.iter_mut().zip(dac).zip(w.start) {
-            let d = f32::from(code.0) - f32::from(start.0);
-            let (sum, square) = force;
-            *sum += d;
-            *square += d * d;
-        }
     }
 
     /// Evaluates the next part of the previous window: one sensor per sample, then one kind
@@ -320,14 +448,10 @@ impl Monitors {
         };
         let [a, b] = &self.windows;
         let w = if self.turn { a } else { b };
-        let n = w.count as f32;
-        if let (Some(variance), Some(sum), Some(square)) = (
-            self.variances.get_mut(sensor),
-            w.sums.get(sensor),
-            w.squares.get(sensor),
-        ) {
-            let mean = *sum as f32 / n;
-            *variance = (*square as f32 / n - mean * mean) * calibration.gain * calibration.gain;
+        if let (Some(variance), Some(sums)) =
+            (self.variances.get_mut(sensor), w.sensors.get(sensor))
+        {
+            *variance = sums.variance() * calibration.gain * calibration.gain;
         }
     }
 
@@ -355,16 +479,13 @@ impl Monitors {
     fn power(&mut self, table: &Table, mode: Mode) -> Option<Cause> {
         let limits = &table.supervision;
         let (_, w) = self.windows();
-        let n = w.count as f32;
         // About the mean, so that slow changes, such as the loop's own motion, do not count.
         let power = (0..LEGS)
             .map(|i| {
                 let stroke = table.actuators[i].gain * table.actuators[i].limit;
-                let (sum, square) = w.forces[i];
-                let mean = sum / n;
-                (square / n - mean * mean) / (stroke * stroke)
+                w.forces[i].variance() / (stroke * stroke)
             })
-            .fold(0.0, f32::max);
+            .fold(0.0, larger);
         let grows = mode.is_loop()
             && power > limits.growth * self.power
             && power > limits.level * limits.level;

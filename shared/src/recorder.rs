@@ -7,6 +7,8 @@ use crate::codes::{AdcCode, DacCode, Samples};
 
 /// One sample: the codes read and the codes put out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+// Copied in words of 32 bits.
+#[repr(align(4))]
 pub struct Record {
     /// The ADC codes.
     pub adc: Samples,

@@ -8,12 +8,23 @@
 //! is far smaller and its measurements are longer.
 
 use crate::LEGS;
-use crate::codes::{Calibration, DacCode, LegForces, Samples};
+use crate::codes::{DacCode, LegForces, Samples};
 use crate::injection::sine;
+use crate::step::larger;
 use crate::supervisor::Cause;
 use crate::table::{Phasor, SelfTest, Table};
 
 impl Phasor {
+    const ONE: Self = Self { re: 1.0, im: 0.0 };
+
+    /// Of length 1, at this part of a turn, 2⁻³² turns.
+    fn unit(phase: u32) -> Self {
+        Self {
+            re: sine(phase.wrapping_add(1 << 30)),
+            im: sine(phase),
+        }
+    }
+
     fn times(self, other: Self) -> Self {
         Self {
             re: self.re * other.re - self.im * other.im,
@@ -25,6 +36,13 @@ impl Phasor {
         Self {
             re: self.re - other.re,
             im: self.im - other.im,
+        }
+    }
+
+    fn scaled(self, factor: f32) -> Self {
+        Self {
+            re: self.re * factor,
+            im: self.im * factor,
         }
     }
 
@@ -71,9 +89,9 @@ impl Course {
 /// Phasors at the sine's frequency, measured over one leg's window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct LockIn {
-    /// Sensor values, `shown[kind][sensor]`, sensor units.
+    /// Sensor values, `shown[kind][sensor]`, codes.
     shown: [[Phasor; LEGS]; 2],
-    /// Forces of the legs, N.
+    /// Forces of the legs, codes.
     given: [Phasor; LEGS],
 }
 
@@ -92,8 +110,14 @@ pub struct Probe {
     leg: usize,
     /// Samples since the start of this leg.
     at: u32,
-    /// Phase of the sine, 2⁻³² turns.
-    phase: u32,
+    /// Cosine and sine of the phase.
+    wave: Phasor,
+    /// Their turn from one sample to the next; zero before the first sample of a leg.
+    turn: Phasor,
+    /// Cosine and sine of the position in the window of a measurement, one turn long.
+    place: Phasor,
+    /// Their turn from one sample to the next.
+    pace: Phasor,
     /// The current measurement.
     window: LockIn,
     /// The previous measurement.
@@ -126,7 +150,10 @@ impl Probe {
     pub const NEW: Self = Self {
         leg: 0,
         at: 0,
-        phase: 0,
+        wave: Phasor::ONE,
+        turn: Phasor::ZERO,
+        place: Phasor::ONE,
+        pace: Phasor::ZERO,
         window: LockIn::EMPTY,
         ended: LockIn::EMPTY,
         stage: usize::MAX,
@@ -139,7 +166,7 @@ impl Probe {
     pub fn push(&self, course: Course) -> LegForces {
         let mut push = LegForces::ZERO;
         if let Some(force) = push.0.get_mut(self.leg) {
-            *force = course.amplitude * sine(self.phase);
+            *force = course.amplitude * self.wave.im;
         }
         push
     }
@@ -159,11 +186,15 @@ impl Probe {
             if self.at >= test.settle {
                 self.add(table, course, samples, dac);
             }
-            self.phase = self.phase.wrapping_add(test.step);
+            if self.at == 0 {
+                self.turn = Phasor::unit(test.step);
+                self.pace = Phasor::unit(u32::MAX / course.measure.max(1));
+            }
+            self.wave = self.wave.times(self.turn);
             self.at += 1;
             if self.at >= test.settle.saturating_add(course.measure) {
                 self.leg += 1;
-                (self.at, self.phase) = (0, 0);
+                (self.at, self.wave, self.place) = (0, Phasor::ONE, Phasor::ONE);
                 self.ended = core::mem::replace(&mut self.window, LockIn::EMPTY);
                 (self.stage, self.off) = (0, [(0.0, 0.0); 2]);
                 return None;
@@ -189,37 +220,31 @@ impl Probe {
         None
     }
 
-    /// Lock-in detection with a Hann window, which suppresses other frequencies.
+    /// Lock-in detection with a Hann window, which suppresses other frequencies. The sums are
+    /// of codes; [`Probe::look`] scales them.
     fn add(&mut self, table: &Table, course: Course, samples: &Samples, dac: [DacCode; LEGS]) {
         let measure = course.measure.max(1);
-        // Position in the window, one turn long. The window is 1 − cos, of mean 1.
-        let turn = (u64::from(self.at - table.self_test.settle) << 32) / u64::from(measure);
-        // Less than a whole turn.
-        let turn = turn as u32;
-        let window = 1.0 - sine(turn.wrapping_add(1 << 30));
-        let scale = 2.0 * window / measure as f32;
-        let (sin, cos) = (
-            scale * sine(self.phase),
-            scale * sine(self.phase.wrapping_add(1 << 30)),
-        );
-        let beside = table.complement().map(|complement| &complement.sensors);
-        let kinds: [(Option<&[Calibration; LEGS]>, _); 2] = [
-            (Some(&table.sensors), samples.sensors),
-            (beside, samples.forces),
-        ];
-        for (shown, (sensors, codes)) in self.window.shown.iter_mut().zip(kinds) {
-            let Some(sensors) = sensors else { continue };
-            for i in 0..LEGS {
-                let value = sensors[i].value(codes[i]);
-                shown[i].re += value * sin;
-                shown[i].im += value * cos;
+        // The window is 1 − cos, of mean 1, one turn long.
+        let scale = 2.0 * (1.0 - self.place.re) / measure as f32;
+        self.place = self.place.times(self.pace);
+        let (sin, cos) = (scale * self.wave.im, scale * self.wave.re);
+        let [shown, beside] = &mut self.window.shown;
+        let add = |phasor: &mut Phasor, value: f32| {
+            phasor.re += value * sin;
+            phasor.im += value * cos;
+        };
+        for ((shown, sensor), code) in shown.iter_mut().zip(&table.sensors).zip(samples.sensors) {
+            add(shown, f32::from(code.0) - sensor.zero);
+        }
+        if let Some(complement) = table.complement() {
+            let sensors = beside.iter_mut().zip(&complement.sensors);
+            for ((shown, sensor), code) in sensors.zip(samples.forces) {
+                add(shown, f32::from(code.0) - sensor.zero);
             }
         }
         let given = self.window.given.iter_mut();
         for ((given, drive), code) in given.zip(&table.actuators).zip(dac) {
-            let force = drive.force(code);
-            given.re += force * sin;
-            given.im += force * cos;
+            add(given, f32::from(code.0) - drive.zero);
         }
     }
 
@@ -229,14 +254,15 @@ impl Probe {
         if kind > 0 && table.complement().is_none() {
             return;
         }
-        let plant = if kind == 0 {
-            &table.self_test.sensors
-        } else {
-            &table.self_test.forces
+        let (plant, calibrations) = match table.complement() {
+            Some(complement) if kind > 0 => (&table.self_test.forces, &complement.sensors),
+            _ => (&table.self_test.sensors, &table.sensors),
         };
         let mut expected = Phasor::ZERO;
-        for (answers, given) in plant.iter().zip(self.ended.given) {
-            let part = answers[i].times(given);
+        let given = self.ended.given.iter().zip(&table.actuators);
+        for (answers, (given, drive)) in plant.iter().zip(given) {
+            // From codes to N.
+            let part = answers[i].times(given.scaled(1.0 / drive.gain));
             expected.re += part.re;
             expected.im += part.im;
         }
@@ -248,6 +274,7 @@ impl Probe {
         ) else {
             return;
         };
+        let shown = shown.scaled(calibrations[i].gain);
         let error = shown.minus(expected).square();
         let whole = expected.square();
         *off = (off.0 + error, off.1 + whole);
@@ -269,7 +296,7 @@ impl Probe {
                     over(error, whole)
                 }
             });
-            *leg = (worst[0].max(worst[1]), self.off.map(|(_, whole)| whole));
+            *leg = (larger(worst[0], worst[1]), self.off.map(|(_, whole)| whole));
         }
     }
 
@@ -277,7 +304,7 @@ impl Probe {
         let square = test.tolerance * test.tolerance;
         for (kind, noise) in noise.into_iter().enumerate() {
             let answers = self.legs.iter().map(|(_, wholes)| wholes[kind]);
-            let weakest = answers.fold(f32::MAX, f32::min);
+            let weakest = answers.fold(f32::MAX, |least, whole| -larger(-least, -whole));
             // The noise alone is half of the error that would be a fault.
             if noise > 0.25 * square * weakest {
                 return Verdict::Noisy;
@@ -292,7 +319,7 @@ impl Probe {
             }
         });
         let legs = self.legs.map(|(error, _)| error);
-        let worst = |errors: &[f32]| errors.iter().copied().fold(0.0, f32::max);
+        let worst = |errors: &[f32]| errors.iter().copied().fold(0.0, larger);
         let [by_sensor, by_leg] = [worst(&sensors), worst(&legs)];
         if by_sensor <= square && by_leg <= square {
             return Verdict::Passed;
@@ -309,8 +336,9 @@ impl Probe {
             bits
         };
         // A dead sensor has a relative error of 1 and causes a small error in every leg; a
-        // dead leg the other way round.
-        Verdict::Failed(if by_sensor >= by_leg {
+        // dead leg the other way round. Where one leg moves one sensor only, both errors are
+        // the same but for rounding, and the sensor is named.
+        Verdict::Failed(if by_sensor >= 0.999 * by_leg {
             Cause::TestSensors(bits(&sensors, by_sensor))
         } else {
             Cause::TestLegs(bits(&legs, by_leg) as u8)

@@ -51,9 +51,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, LegForces, Samples};
-use crate::table::{
-    Complement, DirectPath, Law, Modal, Paths, SECTIONS, Section, Table, ValidTable,
-};
+use crate::table::{Complement, DirectPath, Law, Modal, Paths, SECTIONS, Section, ValidTable};
 
 /// Six values: one per sensor, leg or mode.
 pub type Values = [f32; LEGS];
@@ -72,21 +70,25 @@ pub struct LawState {
     /// Per mode, the low-passed difference between the modal acceleration and the modal
     /// force: d of [`Complement`], √kg·m/s².
     difference: Values,
-    /// x1 and x2 of each section, `sections[section][x][channel]`.
-    sections: [[Values; 2]; SECTIONS],
+    /// x1 and x2 of each section, `sections[channel][section]`.
+    sections: [[[f32; 2]; SECTIONS]; LEGS],
     /// The previous shaped sample of each sensor (direct) or mode (modal).
     before: Values,
     /// The integral part of the force of each leg, N (direct), or mode, N/√kg (modal).
     integral: Values,
+    /// Of a modal law: what each channel's sections will give if all values of the next sample
+    /// are zero, √kg·m/s².
+    free: Values,
 }
 
 impl LawState {
     /// All zero.
     pub const REST: Self = Self {
         difference: [0.0; LEGS],
-        sections: [[[0.0; LEGS]; 2]; SECTIONS],
+        sections: [[[0.0; 2]; SECTIONS]; LEGS],
         before: [0.0; LEGS],
         integral: [0.0; LEGS],
+        free: [0.0; LEGS],
     };
 }
 
@@ -97,23 +99,24 @@ impl State {
         let t = table.get();
         let mut averages = [[0.0; LEGS]; 2];
         if t.ac_coupling > 0.0 {
-            averages[0] = calibrate(&t.sensors, adc.sensors);
+            averages[0] = calibrate(&t.sensors, &adc.sensors);
         }
         let mut law = LawState::REST;
         if let Some(complement) = t.complement() {
-            let forces = calibrate(&complement.sensors, adc.forces);
+            let forces = calibrate(&complement.sensors, &adc.forces);
             law.difference = subtract_product(law.difference, &complement.input, &forces);
+            law.free = free_from_rest(&t.law, &law.difference);
         }
         Self { averages, law }
     }
 
     /// Resets the law. AC coupling and [`Complement`] keep their state.
-    pub fn start(&mut self) {
-        let difference = self.law.difference;
+    pub fn start(&mut self, table: &ValidTable) {
         self.law = LawState {
-            difference,
+            difference: self.law.difference,
             ..LawState::REST
         };
+        self.law.free = free_from_rest(&table.get().law, &self.law.difference);
     }
 
     /// Sets the AC coupling to its steady state for the mean of `count` samples, whose
@@ -127,7 +130,7 @@ impl State {
             };
             self.averages = [core::array::from_fn(mean), [0.0; LEGS]];
         }
-        self.start();
+        self.start(table);
     }
 
     /// The sum of the two averages of each sensor, sensor units.
@@ -142,9 +145,16 @@ impl State {
         let finite = |six: &Values| six.iter().all(|x| x.is_finite());
         self.averages.iter().all(finite)
             && finite(&self.law.difference)
-            && self.law.sections.as_flattened().iter().all(finite)
+            && self
+                .law
+                .sections
+                .as_flattened()
+                .as_flattened()
+                .iter()
+                .all(|x| x.is_finite())
             && finite(&self.law.before)
             && finite(&self.law.integral)
+            && finite(&self.law.free)
     }
 }
 
@@ -208,17 +218,23 @@ pub struct Output {
     pub status: Status,
 }
 
-fn calibrate(sensors: &[Calibration; LEGS], adc: [AdcCode; LEGS]) -> Values {
+fn calibrate(sensors: &[Calibration; LEGS], adc: &[AdcCode; LEGS]) -> Values {
     core::array::from_fn(|i| sensors[i].value(adc[i]))
 }
 
 /// Bit i is set if code i is at an end of the ADC's range.
-fn at_rail(adc: [AdcCode; LEGS], max: AdcCode) -> u8 {
+#[inline]
+fn at_rail(adc: &[AdcCode; LEGS], max: AdcCode) -> u8 {
+    // From −max to max − 1, as one comparison without sign.
+    let max = i32::from(max.0);
+    let inside =
+        |code: AdcCode| (i32::from(code.0) + max).cast_unsigned() < 2 * max.cast_unsigned();
+    if adc.iter().all(|code| inside(*code)) {
+        return 0;
+    }
     let mut bits = 0;
     for (i, code) in adc.iter().enumerate() {
-        if code.0 >= max.0 || code.0 < -max.0 {
-            bits |= 1 << i;
-        }
+        bits |= u8::from(!inside(*code)) << i;
     }
     bits
 }
@@ -239,28 +255,29 @@ pub struct Ahead {
 }
 
 impl Ahead {
+    /// No forces, nothing to take off.
+    pub const NOTHING: Self = Self {
+        base: [0.0; LEGS],
+        offsets: [0.0; LEGS],
+        gain: 0.0,
+        fade: 0.0,
+        closed: false,
+    };
+
     /// With the loop closed.
     #[inline]
-    pub fn closed(table: &ValidTable, state: &State, demand: Demand) -> Self {
-        Self {
-            base: base(&table.get().law, &state.law, &demand),
-            offsets: state.offsets(),
-            gain: demand.gain,
-            fade: demand.fade,
-            closed: true,
-        }
+    pub fn close(&mut self, table: &ValidTable, state: &State, demand: &Demand) {
+        self.base = base(&table.get().law, &state.law, demand);
+        self.offsets = state.offsets();
+        (self.gain, self.fade, self.closed) = (demand.gain, demand.fade, true);
     }
 
     /// With the loop open: the law stays at rest, and the legs get `injection` only.
     #[inline]
-    pub fn open(state: &State, injection: LegForces) -> Self {
-        Self {
-            base: injection.0,
-            offsets: state.offsets(),
-            gain: 0.0,
-            fade: 0.0,
-            closed: false,
-        }
+    pub fn open(&mut self, state: &State, injection: &LegForces) {
+        self.base = injection.0;
+        self.offsets = state.offsets();
+        (self.gain, self.fade, self.closed) = (0.0, 0.0, false);
     }
 }
 
@@ -279,24 +296,36 @@ pub struct Latched {
     pub dac: [DacCode; LEGS],
 }
 
-/// The first half of a sample: from the codes `adc` to the codes to latch.
-#[inline]
-pub fn latch(table: &ValidTable, ahead: &Ahead, adc: &Samples) -> Latched {
-    let t = table.get();
-    let y = calibrate(&t.sensors, adc.sensors);
-    let w: Values = core::array::from_fn(|i| y[i] - ahead.offsets[i]);
-    let forces = t
-        .complement()
-        .map_or([0.0; LEGS], |beside| calibrate(&beside.sensors, adc.forces));
-    let path = table.direct_path();
-    let asked = through(path, ahead, t.complement().is_some(), &w, &forces);
-    let (force, clamp) = limited(&asked, &limits(t));
-    Latched {
-        w,
-        forces,
-        asked,
-        clamp,
-        dac: core::array::from_fn(|i| t.actuators[i].code(force[i])),
+impl Latched {
+    /// Before the first sample.
+    pub const NOTHING: Self = Self {
+        w: [0.0; LEGS],
+        forces: [0.0; LEGS],
+        asked: [0.0; LEGS],
+        clamp: Clamp::Idle,
+        dac: [DacCode(0); LEGS],
+    };
+
+    /// The first half of a sample: from the codes `adc` to the codes to latch.
+    #[inline]
+    pub fn latch(&mut self, table: &ValidTable, ahead: &Ahead, adc: &Samples) {
+        let t = table.get();
+        let y = calibrate(&t.sensors, &adc.sensors);
+        self.w = core::array::from_fn(|i| y[i] - ahead.offsets[i]);
+        let beside = t.complement();
+        if let Some(beside) = beside {
+            self.forces = calibrate(&beside.sensors, &adc.forces);
+        }
+        let path = table.direct_path();
+        self.asked = through(path, ahead, beside.is_some(), &self.w, &self.forces);
+        self.clamp = Clamp::Idle;
+        self.dac = core::array::from_fn(|i| t.actuators[i].code(self.asked[i]));
+        let limits = core::array::from_fn(|i| t.actuators[i].limit);
+        if !inside(&self.asked, &limits) {
+            let (held, clamp) = limited(&self.asked, &limits);
+            self.clamp = clamp;
+            self.dac = core::array::from_fn(|i| t.actuators[i].code(held[i]));
+        }
     }
 }
 
@@ -332,9 +361,9 @@ pub fn follow(
         blend(modal, &mut state.law, w, &latched.forces);
     }
     Status {
-        sensors_at_rail: at_rail(adc.sensors, t.adc_max),
+        sensors_at_rail: at_rail(&adc.sensors, t.adc_max),
         forces_at_rail: if t.complement().is_some() {
-            at_rail(adc.forces, t.adc_max)
+            at_rail(&adc.forces, t.adc_max)
         } else {
             0
         },
@@ -345,18 +374,15 @@ pub fn follow(
 
 /// Runs both halves of one sample with the loop closed.
 pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand) -> Output {
-    let ahead = Ahead::closed(table, state, demand);
-    let latched = latch(table, &ahead, &adc);
+    let mut ahead = Ahead::NOTHING;
+    ahead.close(table, state, &demand);
+    let mut latched = Latched::NOTHING;
+    latched.latch(table, &ahead, &adc);
     let status = follow(table, state, &ahead, &latched, &adc);
     Output {
         dac: latched.dac,
         status,
     }
-}
-
-#[inline]
-fn limits(t: &Table) -> Values {
-    core::array::from_fn(|i| t.actuators[i].limit)
 }
 
 /// The action of the clamp.
@@ -393,7 +419,11 @@ pub fn force(
     };
     let beside = matches!(&law.paths, Paths::Modal(modal) if modal.complement.is_some());
     let asked = through(&DirectPath::new(law), &ahead, beside, w, forces);
-    let (force, clamp) = limited(&asked, limits);
+    let (force, clamp) = if inside(&asked, limits) {
+        (asked, Clamp::Idle)
+    } else {
+        limited(&asked, limits)
+    };
     let latched = Latched {
         w: *w,
         forces: *forces,
@@ -416,12 +446,10 @@ fn through(path: &DirectPath, ahead: &Ahead, beside: bool, w: &Values, forces: &
     asked
 }
 
-/// The forces within their limits.
-#[inline]
+/// Forces of which one is not within its limit, within their limits.
+#[cold]
+#[inline(never)]
 fn limited(asked: &Values, limits: &Values) -> (Values, Clamp) {
-    if inside(asked, limits) {
-        return (*asked, Clamp::Idle);
-    }
     match clamp(asked, limits) {
         Some((held, scale)) => (held, Clamp::Active(scale)),
         None => ([0.0; LEGS], Clamp::NotFinite),
@@ -448,25 +476,12 @@ fn base(law: &Law, state: &LawState, demand: &Demand) -> Values {
             core::array::from_fn(|i| injection.0[i] - fade * against[i])
         }
         Paths::Modal(modal) => {
-            let mut r = match &modal.complement {
-                Some(Complement { split, .. }) => core::array::from_fn(|i| {
-                    let d = state.difference[i];
-                    d - split[i] * d
-                }),
-                None => [0.0; LEGS],
-            };
-            // `take` bounds the sections without an index that could panic.
-            for (j, [x1, x2]) in state.sections.iter().enumerate().take(modal.sections) {
-                for (i, channel) in modal.channels.iter().enumerate() {
-                    r[i] = channel.sections[j].output(x1[i], x2[i], r[i]);
-                }
-            }
             let given = core::array::from_fn(|i| {
                 let channel = &modal.channels[i];
                 let x = state.integral[i];
                 let x = x - leak * x + gain * channel.integral * state.before[i];
                 let now = channel.integral + channel.proportional;
-                -fade * (x + gain * now * r[i])
+                -fade * (x + gain * now * state.free[i])
             });
             add_product(injection.0, &modal.output, &given)
         }
@@ -499,24 +514,51 @@ fn follow_law(law: &Law, state: &mut LawState, gain: f32, latched: &Latched) {
             }
         }
         Paths::Modal(modal) => {
-            let mut r = blend(modal, state, &latched.w, &latched.forces);
-            for (j, [x1, x2]) in state.sections.iter_mut().enumerate().take(modal.sections) {
-                for (i, channel) in modal.channels.iter().enumerate() {
-                    r[i] = channel.sections[j].run(&mut x1[i], &mut x2[i], r[i]);
-                }
-            }
+            let r = blend(modal, state, &latched.w, &latched.forces);
             for (i, channel) in modal.channels.iter().enumerate() {
+                let mut r = r[i];
+                let mut free = match &modal.complement {
+                    Some(Complement { split, .. }) => {
+                        let d = state.difference[i];
+                        d - split[i] * d
+                    }
+                    None => 0.0,
+                };
+                // `take` bounds the sections without an index that could panic.
+                let sections = channel.sections.iter().zip(&mut state.sections[i]);
+                for (section, states) in sections.take(modal.sections) {
+                    r = section.run(states, r);
+                    free = section.output(states, free);
+                }
+                state.free[i] = free;
                 let x = state.integral[i];
-                let x = x - leak * x + gain * channel.integral * (r[i] + state.before[i]);
+                let x = x - leak * x + gain * channel.integral * (r + state.before[i]);
                 state.integral[i] = x;
                 if windup > 0.0 {
-                    let asked = -x - gain * channel.proportional * r[i];
+                    let asked = -x - gain * channel.proportional * r;
                     state.integral[i] += windup * asked;
                 }
+                state.before[i] = r;
             }
-            state.before = r;
         }
     }
+}
+
+/// [`LawState::free`] of a law at rest whose complement has this state.
+fn free_from_rest(law: &Law, difference: &Values) -> Values {
+    let Paths::Modal(modal) = &law.paths else {
+        return [0.0; LEGS];
+    };
+    let Some(Complement { split, .. }) = &modal.complement else {
+        return [0.0; LEGS];
+    };
+    core::array::from_fn(|i| {
+        let d = difference[i];
+        let sections = modal.channels[i].sections.iter().take(modal.sections);
+        sections.fold(d - split[i] * d, |free, section| {
+            section.output(&[0.0; 2], free)
+        })
+    })
 }
 
 /// From sensors to modes, with both kinds of sensors blended by a [`Complement`].
@@ -536,16 +578,17 @@ fn blend(modal: &Modal, state: &mut LawState, w: &Values, forces: &Values) -> Va
 }
 
 impl Section {
-    /// The output of a sample, with the states before it.
+    /// The output of a sample, with the states x1 and x2 before it.
     #[inline]
-    fn output(&self, x1: f32, x2: f32, u: f32) -> f32 {
+    fn output(&self, [x1, x2]: &[f32; 2], u: f32) -> f32 {
         self.direct * u + self.band * x1 + self.low * x2
     }
 
     /// Filters one sample.
     #[inline]
-    fn run(&self, x1: &mut f32, x2: &mut f32, u: f32) -> f32 {
-        let y = self.output(*x1, *x2, u);
+    fn run(&self, states: &mut [f32; 2], u: f32) -> f32 {
+        let y = self.output(states, u);
+        let [x1, x2] = states;
         let slope = u - self.damping * *x1 - *x2;
         *x2 += self.rate * *x1;
         *x1 += self.rate * slope;
@@ -553,17 +596,25 @@ impl Section {
     }
 }
 
-/// `x` limited to ±`limit`. `f32::clamp` can panic.
+/// `x` limited to ±`limit`, which is not negative; NaN counts as too large. Compares bits: no
+/// branch on the floating-point flags, and `f32::clamp` can panic.
 #[inline]
 fn bounded(x: f32, limit: f32) -> f32 {
-    if x > limit {
-        limit
-    } else if x < -limit {
-        -limit
-    } else {
-        x
+    if x.to_bits() & !SIGN > limit.to_bits() {
+        return f32::from_bits(x.to_bits() & SIGN | limit.to_bits());
     }
+    x
 }
+
+/// The larger of two numbers, the first if one is NaN. `f32::max` takes three times as many
+/// instructions.
+#[inline]
+pub(crate) fn larger(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+/// The bit of the sign.
+const SIGN: u32 = 1 << 31;
 
 /// Whether every force is within its limit; false for NaN.
 #[inline]
@@ -601,8 +652,6 @@ fn subtract_product(mut a: Values, m: &Matrix6<f32>, v: &Values) -> Values {
 
 /// Scales all forces by one factor, so that the force on the frame keeps its direction.
 /// Returns the forces and the factor. None if a force is not finite.
-#[cold]
-#[inline(never)]
 fn clamp(force: &Values, limits: &Values) -> Option<(Values, f32)> {
     let mut over = 0.0f32;
     for i in 0..LEGS {

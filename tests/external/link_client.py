@@ -111,7 +111,7 @@ class Board:
     def packet(self, request, body=b"", session=None, sequence=None):
         session = self.session if session is None else session
         sequence = self.sequence if sequence is None else sequence
-        return b"\x01" + varint(session) + varint(sequence) + varint(request) + body
+        return b"\x02" + varint(session) + varint(sequence) + varint(request) + body
 
     def send(self, packet):
         crc = zlib.crc32(packet).to_bytes(4, "little")
@@ -127,7 +127,7 @@ class Board:
         packet, crc = data[:-4], data[-4:]
         assert zlib.crc32(packet).to_bytes(4, "little") == crc, "checksum"
         reader = Reader(packet)
-        assert reader.byte() == 1, "version"
+        assert reader.byte() == 2, "version"
         return reader.u(), reader.u(), reader.u(), reader
 
     def ask(self, request, body=b""):

@@ -38,7 +38,7 @@ impl Baseline {
             let (Some((name, found)), Some((expected, kept))) = (split(found), split(kept)) else {
                 return Err(format!("not a count: {found:?}, {kept:?}"));
             };
-            println!("  {name:<26} {found:>6}   baseline {kept:>6}");
+            println!("  {name:<36} {found:>6}   baseline {kept:>6}");
             if name != expected || (found / kept - 1.0).abs() > self.slack {
                 moved.push(name);
             }

@@ -560,12 +560,13 @@ impl Display for HealthView {
         let part = |ns: u32| 100.0 * f64::from(ns) / f64::from(health.period);
         writeln!(
             f,
-            "  step: {:.1} µs of {:.1} ({:.0} %), at most {:.1} µs ({:.0} %); jitter {:.2} µs",
+            "  sample: {:.1} µs of {:.1} ({:.0} %), at most {:.1} µs ({:.0} %); codes written after {:.1} µs; jitter {:.2} µs",
             us(health.usual),
             us(health.period),
             part(health.usual),
             us(health.longest),
             part(health.longest),
+            us(health.written),
             us(health.jitter)
         )?;
         writeln!(f, "  stack never used: {} bytes", health.stack)

@@ -24,7 +24,7 @@ use crate::flash::{self, Sectors};
 use crate::guard::{self, Watchdog};
 use crate::port::Port;
 use crate::sample::{self, BOARD, Converters};
-use crate::spi::Spi;
+use crate::spi::{Receiver, Transmitter};
 
 /// Number of records that fit into the recorder: 288 KiB of the 512 KiB of AXI SRAM.
 const ROOM: usize = 8192;
@@ -90,14 +90,18 @@ pub fn run() -> ! {
     let mut adc_reset = Output::new(p.PE14, Level::High, Speed::Low);
     cortex_m::asm::delay(CORE / 1_000_000);
     adc_reset.set_low();
-    let adc = Spi::new(pac::SPI1, select(p.PD14.into()), Mbr::DIV8);
+    let adc = Receiver::new(pac::SPI1, select(p.PD14.into()), Mbr::DIV8);
     let adc = Ad7606::new(adc, Input::new(p.PG12, Pull::Up));
     dac_reset.set_high();
     // Both pins keep their level for ever.
     core::mem::forget((adc_reset, dac_reset));
     cortex_m::asm::delay(CORE / 1_000);
     // A slow clock for reading back, the loop's clock afterwards.
-    let mut dac = Ad5676r::new(Spi::new(pac::SPI3, select(p.PD2.into()), Mbr::DIV64));
+    let mut dac = Ad5676r::new(Transmitter::new(
+        pac::SPI3,
+        select(p.PD2.into()),
+        sample::SLOW,
+    ));
     let safe = BOARD.with(|controller| controller.table().safe_codes());
     let sound = safe.is_some_and(|safe| dac.start(safe).is_ok());
     if !sound {
@@ -180,6 +184,7 @@ fn report(restart: Restart, rate: f32, count: u32) {
     let health = Health {
         restart,
         period: (1e9 / rate) as u32,
+        written: timing.written,
         longest: timing.longest,
         usual: timing.usual,
         jitter: timing.jitter,

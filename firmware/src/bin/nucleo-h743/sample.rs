@@ -18,7 +18,7 @@ use shared::table::Table;
 use crate::clocks::{CORE, TIMER};
 use crate::guard;
 use crate::period;
-use crate::spi::Spi;
+use crate::spi::{Receiver, Transmitter};
 
 /// The controller.
 pub static BOARD: BoardController = BoardController::new();
@@ -37,8 +37,8 @@ const RUNNING: u32 = 100;
 
 /// The converters.
 pub struct Converters {
-    adc: Ad7606<Spi, Input<'static>>,
-    dac: Ad5676r<Spi>,
+    adc: Ad7606<Receiver, Input<'static>>,
+    dac: Ad5676r<Transmitter>,
     /// Whether the DAC works: it answered at start, and has not failed since.
     sound: bool,
     /// Consecutive writes that failed.
@@ -54,9 +54,12 @@ pub struct Converters {
 static CONVERTERS: Mutex<RefCell<Option<Converters>>> = Mutex::new(RefCell::new(None));
 
 /// Largest number of core cycles from the interrupt until the codes were written.
+static WRITTEN: AtomicU32 = AtomicU32::new(0);
+
+/// Largest number of core cycles of a sample, from the interrupt to its end.
 static LONGEST: AtomicU32 = AtomicU32::new(0);
 
-/// Sum of these cycles over the samples since the last [`timing`].
+/// Sum of the cycles of the samples since the last [`timing`].
 static SUM: AtomicU32 = AtomicU32::new(0);
 
 /// Smallest count of TIM1 at the interrupt.
@@ -88,10 +91,14 @@ fn TIM1_CC() {
     critical_section::with(|cs| {
         if let Some(converters) = &mut *CONVERTERS.borrow_ref_mut(cs) {
             converters.late |= missed;
-            converters.sample();
-            let spent = DWT::cycle_count().wrapping_sub(start);
-            let end = since * (CORE / TIMER) + spent;
+            converters.latch();
+            let written = DWT::cycle_count().wrapping_sub(start);
+            let end = since * (CORE / TIMER) + written;
             converters.late = end > DEADLINE.load(Ordering::Relaxed);
+            BOARD.follow();
+            converters.judge();
+            let spent = DWT::cycle_count().wrapping_sub(start);
+            WRITTEN.fetch_max(written, Ordering::Relaxed);
             LONGEST.fetch_max(spent, Ordering::Relaxed);
             SUM.fetch_add(spent, Ordering::Relaxed);
         }
@@ -103,7 +110,11 @@ fn TIM1_CC() {
 
 impl Converters {
     /// The converters, the DAC started and `sound` or held in reset.
-    pub const fn new(adc: Ad7606<Spi, Input<'static>>, dac: Ad5676r<Spi>, sound: bool) -> Self {
+    pub const fn new(
+        adc: Ad7606<Receiver, Input<'static>>,
+        dac: Ad5676r<Transmitter>,
+        sound: bool,
+    ) -> Self {
         Self {
             adc,
             dac,
@@ -115,21 +126,21 @@ impl Converters {
         }
     }
 
-    fn sample(&mut self) {
+    /// The first half of a sample: reads, computes and writes.
+    fn latch(&mut self) {
         let samples = self.adc.read().ok().map(Into::into);
         let reading = Reading {
             // Without a working DAC the samples count as lost, and the loop stays open.
             samples: samples.filter(|_| self.sound),
             late: self.late,
         };
-        let Some(codes) = BOARD.on_sample(reading) else {
+        let Some(codes) = BOARD.latch(reading) else {
             return;
         };
         self.failed = match self.dac.write(codes) {
             Ok(()) => 0,
             Err(_) => self.failed + 1,
         };
-        self.judge();
     }
 
     /// Holds the DAC in reset if it is hopeless; switches the amplifiers on if all is well.
@@ -192,8 +203,10 @@ pub fn count() -> u32 {
 /// What samples take, ns.
 pub struct Timing {
     /// Largest time from a sample's interrupt until its codes were written.
+    pub written: u32,
+    /// Largest time that a sample takes.
     pub longest: u32,
-    /// The average of this time since the last call.
+    /// The average time that a sample takes, since the last call.
     pub usual: u32,
     /// Difference between the latest and the earliest interrupt relative to the timer.
     pub jitter: u32,
@@ -205,6 +218,7 @@ pub fn timing(count: u32) -> Timing {
     let earliest = EARLIEST.load(Ordering::Relaxed);
     let jitter = LATEST.load(Ordering::Relaxed).saturating_sub(earliest);
     Timing {
+        written: ns(WRITTEN.load(Ordering::Relaxed), CORE),
         longest: ns(LONGEST.load(Ordering::Relaxed), CORE),
         usual: ns(SUM.swap(0, Ordering::Relaxed) / count.max(1), CORE),
         jitter: ns(jitter, TIMER),
