@@ -25,7 +25,7 @@ fn the_limits_hold_the_longest_sample() {
     let usual = Budget::new(instructions("closed"), latch);
     assert!(f64::from(begun) < READ + usual.read, "{usual:?}");
     println!(
-        "{usual:.2e?}: usual {:.1} µs, longest {:.1} µs, ready after {:.1} µs",
+        "usual {:.1} µs, longest {:.1} µs, ready after {:.1} µs",
         1e6 * usual.busy(),
         1e6 * longest.busy(),
         1e6 * longest.ready()
