@@ -82,6 +82,8 @@ pub fn start(rate: f32, latch: f32) {
     t.bdtr().write(|w| w.set_moe(true));
     // Loads the prescaler.
     t.egr().write(|w| w.set_ug(true));
+    // The first sample is a whole interrupt away: what the link does meanwhile does not wait.
+    t.cnt().write(|w| w.set_cnt(end as u16));
     t.sr().write_value(regs::SrAdv(0));
     t.dier().write(|w| w.set_ccie(1, true));
     t.cr1().write(|w| w.set_cen(true));
