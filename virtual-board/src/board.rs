@@ -123,7 +123,7 @@ impl Board {
     /// From now on every sample waits for [`Board::sample`].
     pub fn lockstep(&mut self) {
         self.bus_mut().gate.install();
-        self.machine.stop_at_gate = true;
+        self.machine.stop_at_gate();
     }
 
     /// Runs until the gate is closed, the link is quiet and the program only waits.
@@ -154,16 +154,7 @@ impl Board {
     /// # Errors
     /// As for [`Board::settle`].
     pub fn sample(&mut self, codes: [i16; LEGS]) -> Result<[u16; LEGS], Unmodelled> {
-        let bus = self.machine.bus_mut();
-        bus.adc.inputs[..LEGS].copy_from_slice(&codes);
-        // The timer has just been started: its first CONVST came with that, and what it
-        // sampled is known only now.
-        let begins = bus.tim1.is_fresh();
-        if begins {
-            bus.adc.resample();
-        }
-        let now = bus.now;
-        bus.gate.open(now, begins);
+        self.machine.answer(&codes);
         self.settle()?;
         let latest = self.bus().dac.latest();
         Ok(std::array::from_fn(|leg| latest[leg]))

@@ -119,6 +119,17 @@ impl Block {
         }
     }
 
+    /// Whether a register is read without an effect, and changes with an event alone.
+    fn is_steady(self, offset: u32) -> bool {
+        match self {
+            Self::Flash => true,
+            Self::Spi1 | Self::Spi3 => offset == 0x14,
+            Self::Usart3 => offset == 0x1C,
+            Self::Gpio(_) => true,
+            _ => false,
+        }
+    }
+
     /// The block's clock, if it has one of its own.
     fn domain(self) -> Option<Domain> {
         match self {
@@ -161,8 +172,15 @@ pub struct Bus {
     pub ticks: (Ticks, Ticks, Ticks),
     /// The instruction that runs.
     pub pc: u32,
+    /// When something happens next; the end of time if nothing does.
+    due: Ticks,
     /// Accesses to registers since the start.
     pub accesses: u64,
+    /// Accesses that change something, or whose answer changes with time alone and not with
+    /// an event. All others, repeated, give the same until the next event.
+    pub unsteady: u64,
+    /// Events so far.
+    pub happened: u64,
     /// Why the run cannot go on.
     pub error: Option<Unmodelled>,
     /// A reset is due.
@@ -183,6 +201,8 @@ pub struct Bus {
     pub dac: Ad5676r,
     /// Levels that something else than the board's own wiring holds on pins.
     pub held: BTreeMap<Pin, Level>,
+    /// Whether SPI1 and SPI3 never end a transfer.
+    dead_spi: [bool; 2],
     /// The interrupt controller.
     pub nvic: Nvic,
     /// The system control block.
@@ -219,7 +239,10 @@ impl Bus {
             cost,
             ticks: (0, 0, 0),
             pc: 0,
+            due: Ticks::MAX,
             accesses: 0,
+            unsteady: 0,
+            happened: 0,
             error: None,
             reset: None,
             fault: None,
@@ -230,6 +253,7 @@ impl Bus {
             adc: Ad7606::default(),
             dac: Ad5676r::default(),
             held: BTreeMap::new(),
+            dead_spi: [false; 2],
             nvic: Nvic::default(),
             scb: Scb::default(),
             mpu: Mpu::default(),
@@ -285,6 +309,7 @@ impl Bus {
         self.core = 0;
         self.clock();
         self.wires();
+        self.schedule();
     }
 
     /// Frequencies have changed.
@@ -294,18 +319,35 @@ impl Bus {
             let sampling = self.gate.sampling(self.now);
             self.dwt.settle(sampling, self.core);
             self.core = clocks.core;
-            let cycle = crate::time::SECOND as f64 / clocks.core.max(1) as f64;
-            let ticks = |cycles: f64| (cycles * cycle).round() as Ticks;
-            self.ticks = (
-                ticks(self.cost.instruction),
-                ticks(self.cost.access),
-                ticks(1.0),
-            );
+            self.price();
         }
         self.tim1.clock = clocks.timer2;
         self.usart3.kernel = clocks.pclk1;
-        self.spi1.kernel = clocks.spi123;
-        self.spi3.kernel = clocks.spi123;
+        let [dead_1, dead_3] = self.dead_spi;
+        self.spi1.kernel = clocks.spi123.filter(|_| !dead_1);
+        self.spi3.kernel = clocks.spi123.filter(|_| !dead_3);
+    }
+
+    /// SPI1 or SPI3 never ends a transfer from now on, as if its kernel had no clock.
+    pub fn kill_spi(&mut self, dead: [bool; 2]) {
+        self.dead_spi = dead;
+        self.clock();
+    }
+
+    /// Changes what instructions and accesses cost.
+    pub fn set_cost(&mut self, cost: Cost) {
+        self.cost = cost;
+        self.price();
+    }
+
+    fn price(&mut self) {
+        let cycle = crate::time::SECOND as f64 / self.core.max(1) as f64;
+        let ticks = |cycles: f64| (cycles * cycle).round() as Ticks;
+        self.ticks = (
+            ticks(self.cost.instruction),
+            ticks(self.cost.access),
+            ticks(1.0),
+        );
     }
 
     /// Whether the core has a clock.
@@ -333,6 +375,15 @@ impl Bus {
 
     /// When something happens next.
     pub fn next(&self) -> Option<Ticks> {
+        (self.due != Ticks::MAX).then_some(self.due)
+    }
+
+    /// Finds out when something happens next; to be called when that may have changed.
+    pub fn schedule(&mut self) {
+        self.due = self.earliest().unwrap_or(Ticks::MAX);
+    }
+
+    fn earliest(&self) -> Option<Ticks> {
         let sampling = [self.tim1.next().map(|(at, _)| at), self.iwdg.next()];
         let sampling = sampling.into_iter().flatten().min();
         [
@@ -348,9 +399,15 @@ impl Bus {
         .min()
     }
 
+    /// Whether the core may have to do something else than its next instruction.
+    pub fn is_urgent(&self) -> bool {
+        self.error.is_some() || self.reset.is_some() || self.fault.is_some() || self.nvic.waits()
+    }
+
     /// Lets everything happen that is due by `now`, in the order of its moments.
     pub fn events(&mut self, now: Ticks) {
         while let Some(at) = self.next().filter(|at| *at <= now) {
+            self.happened += 1;
             let sampling = self.gate.sampling(at);
             if self.iwdg.next().is_some_and(|bites| bites <= sampling) && !self.gate.is_closed() {
                 self.reset = self.reset.or(Some(Reset::Watchdog));
@@ -372,6 +429,7 @@ impl Bus {
             self.usart3.advance(at);
             self.flash.advance(at);
             self.lines(at);
+            self.schedule();
         }
     }
 
@@ -583,9 +641,10 @@ impl Bus {
             return 0;
         };
         self.begin(address);
+        self.unsteady += u64::from(!block.is_steady(offset));
         self.counts.access(block, offset, false);
         let answer = self
-            .check(block, size)
+            .check(block, offset, size)
             .and_then(|()| self.read_register(block, offset, size));
         self.lines(self.now);
         answer.unwrap_or_else(|why| {
@@ -604,11 +663,13 @@ impl Bus {
             return;
         };
         self.begin(address);
+        self.unsteady += 1;
         self.counts.access(block, offset, true);
         let done = self
-            .check(block, size)
+            .check(block, offset, size)
             .and_then(|()| self.write_register(block, offset, size, value));
         self.lines(self.now);
+        self.schedule();
         if let Err(why) = done {
             let register = block.register(offset);
             self.refuse(format!(
@@ -617,7 +678,7 @@ impl Bus {
         }
     }
 
-    fn check(&self, block: Block, size: usize) -> Result<(), Refusal> {
+    fn check(&self, block: Block, offset: u32, size: usize) -> Result<(), Refusal> {
         if let Some(domain) = block.domain()
             && !self.rcc.is_on(domain)
         {
@@ -625,6 +686,8 @@ impl Bus {
         }
         let possible = match block {
             Block::Spi1 | Block::Spi3 | Block::Scs => true,
+            // RDR and TDR.
+            Block::Usart3 => size == 4 || matches!(offset, 0x24 | 0x28),
             // Registers of sixteen bits.
             Block::Tim1 => size >= 2,
             _ => size == 4,
@@ -646,7 +709,7 @@ impl Bus {
             Block::Tim1 => self.tim1.read(offset, sampling),
             Block::Flash => self.flash.read(offset),
             Block::Syscfg => self.syscfg.read(offset),
-            Block::Iwdg1 => self.iwdg.read(offset, sampling),
+            Block::Iwdg1 => self.iwdg.read(offset, now),
             Block::Gpio(port) => {
                 self.gpio[usize::from(port)].read(offset, |number| self.level(Pin(port, number)))
             }
@@ -692,7 +755,7 @@ impl Bus {
                 self.pwr.settle(now);
                 Ok(())
             }
-            Block::Iwdg1 => self.iwdg.write(offset, value, sampling),
+            Block::Iwdg1 => self.iwdg.write(offset, value, now, sampling),
             Block::Gpio(port) => self.write_gpio(port, offset, value),
             Block::Rcc => {
                 self.rcc.write(offset, value, now)?;

@@ -107,7 +107,6 @@ impl Machine {
             (false, true) => 0xFFFF_FFFD,
         };
         let link = if float { link & !0x10 } else { link };
-        self.idle_mut().forget();
         let bus = self.bus_mut();
         bus.now += entry;
         bus.nvic.enter(number);
@@ -147,7 +146,6 @@ impl Machine {
             return;
         }
         let cost = self.cycles(Cost::RETURN);
-        self.idle_mut().forget();
         let bus = self.bus_mut();
         bus.now += cost;
         bus.nvic.leave(number);

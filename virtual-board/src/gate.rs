@@ -3,7 +3,7 @@
 //!
 //! While the gate is closed, TIM1 is held at the end of its period (or at its first count,
 //! if it has just been started), and with it what measures samples against time: the cycle
-//! counter and the watchdog. So a debugger's freeze bits would hold them. The core, the
+//! counter and the watchdog's count. So a debugger's freeze bits would hold them. The core, the
 //! link's port and the flash go on. This is the only way in which that mode differs from
 //! free running.
 

@@ -45,6 +45,8 @@ pub struct State {
     until: Ticks,
     /// The run ends at this address.
     stop_at: Option<u32>,
+    /// The run ends where the program waits at the closed gate.
+    stop_at_gate: bool,
     /// Hook calls since the emulator was told to stop.
     stopping: u32,
     /// An exception that unicorn raised.
@@ -53,6 +55,18 @@ pub struct State {
     protected: Vec<(u32, u32, Prot)>,
     /// A memory access that unicorn could not carry out.
     bad_access: Option<(MemType, u32)>,
+}
+
+impl State {
+    /// Whether the run ends because nothing but the plant's next sample can change anything:
+    /// the program does nothing, or only waits, and nothing is on its way to it.
+    fn waits_at_gate(&self, dead: bool) -> bool {
+        self.stop_at_gate
+            && self.bus.gate.is_closed()
+            && (dead || self.idle.is_idle(&self.bus))
+            && self.bus.usart3.is_quiet()
+            && self.bus.next().is_none()
+    }
 }
 
 /// How a run ended.
@@ -77,8 +91,6 @@ pub struct Machine {
     asleep: bool,
     /// The next instruction.
     pub(crate) pc: u32,
-    /// Whether waiting at the closed gate ends a run.
-    pub stop_at_gate: bool,
 }
 
 impl Drop for Machine {
@@ -108,6 +120,7 @@ impl Machine {
             wake: 0,
             until: Ticks::MAX,
             stop_at: None,
+            stop_at_gate: false,
             stopping: 0,
             trap: None,
             protected: Vec::new(),
@@ -126,7 +139,6 @@ impl Machine {
             locked: false,
             asleep: false,
             pc: 0,
-            stop_at_gate: false,
         };
         machine.reset(Reset::Power);
         Ok(machine)
@@ -142,7 +154,7 @@ impl Machine {
         let state = self.uc.get_data_mut();
         // What is changed may be due at once.
         state.wake = 0;
-        state.idle.forget();
+        state.idle.forget(state.bus.now);
         &mut state.bus
     }
 
@@ -192,7 +204,7 @@ impl Machine {
             15 => self.pc = value & !1,
             _ => self.set(general(number), value),
         }
-        self.idle_mut().forget();
+        self.bus_mut();
     }
 
     /// Writes memory as a scene's defect, not as the program: code that was translated is
@@ -201,6 +213,33 @@ impl Machine {
         let end = u64::from(address) + bytes.len() as u64;
         let written = self.bus_mut().memory.write(address, bytes);
         written && self.uc.ctl_remove_cache(u64::from(address), end).is_ok()
+    }
+
+    /// Changes what instructions and accesses cost.
+    pub fn set_cost(&mut self, cost: Cost) {
+        self.bus_mut().set_cost(cost);
+    }
+
+    /// The plant has answered: the inputs of the ADC have these codes, and the gate opens.
+    /// The program cannot see it before it reads a peripheral.
+    pub fn answer(&mut self, codes: &[i16]) {
+        let state = self.uc.get_data_mut();
+        let bus = &mut state.bus;
+        bus.adc.inputs[..codes.len()].copy_from_slice(codes);
+        // The timer has just been started: its first CONVST came with that, and what it
+        // sampled is known only now.
+        let begins = bus.tim1.is_fresh();
+        if begins {
+            bus.adc.resample();
+        }
+        bus.gate.open(bus.now, begins);
+        bus.schedule();
+        state.wake = 0;
+    }
+
+    /// From now on a run ends where the program waits at the closed gate.
+    pub fn stop_at_gate(&mut self) {
+        self.uc.get_data_mut().stop_at_gate = true;
     }
 
     /// Takes the bytes that the board has sent over the link. The program cannot see it.
@@ -272,6 +311,7 @@ impl Machine {
         state.until = until;
         state.stop_at = address;
         loop {
+            self.uc.get_data_mut().bus.schedule();
             let bus = self.bus();
             if let Some(error) = &bus.error {
                 return Err(error.clone());
@@ -286,7 +326,7 @@ impl Machine {
             if address == Some(self.pc) {
                 return Ok(Stop::Address);
             }
-            if self.stop_at_gate && bus.gate.is_closed() && self.waits_at_gate() {
+            if self.uc.get_data().waits_at_gate(self.asleep || self.locked) {
                 return Ok(Stop::Gate);
             }
             if bus.mpu_changed {
@@ -449,13 +489,6 @@ impl Machine {
             }
         }
     }
-
-    /// Whether nothing but the plant's next sample can change anything.
-    fn waits_at_gate(&self) -> bool {
-        let state = self.uc.get_data();
-        let idle = state.idle.is_idle() || self.asleep || self.locked;
-        idle && state.bus.usart3.is_quiet() && state.bus.next().is_none()
-    }
 }
 
 /// Unit in which the emulator protects memory, bytes.
@@ -542,6 +575,7 @@ fn map(uc: &mut Unicorn<'static, State>) -> Result<(), String> {
                 let state = uc.get_data_mut();
                 let bus = &mut state.bus;
                 bus.accesses += 1;
+                bus.unsteady += 1;
                 state.wake = 0;
                 if let Err(why) = bus
                     .flash
@@ -563,8 +597,11 @@ fn map(uc: &mut Unicorn<'static, State>) -> Result<(), String> {
             Some(
                 move |uc: &mut Unicorn<'_, State>, offset: u64, size: usize| {
                     let state = uc.get_data_mut();
-                    state.wake = 0;
-                    u64::from(state.bus.read((start + offset) as u32, size))
+                    let value = state.bus.read((start + offset) as u32, size);
+                    if state.bus.is_urgent() {
+                        state.wake = 0;
+                    }
+                    u64::from(value)
                 },
             ),
             Some(
@@ -585,6 +622,7 @@ fn read_flash(uc: &mut Unicorn<'_, State>, offset: usize, size: usize) -> u64 {
     let state = uc.get_data_mut();
     let bus = &mut state.bus;
     bus.accesses += 1;
+    bus.unsteady += 1;
     state.wake = 0;
     match bus.flash.read_memory(offset, size, bus.now) {
         Ok(data) => {
@@ -625,7 +663,9 @@ fn hook(uc: &mut Unicorn<'static, State>) -> Result<(), String> {
 fn on_instruction(uc: &mut Unicorn<'_, State>, pc: u32) {
     let state = uc.get_data_mut();
     if state.stopping > 0 {
+        // In an IT block unicorn takes a stop back: it is asked for until it comes.
         state.stopping += 1;
+        let _ = uc.emu_stop();
         return;
     }
     if (state.bus.now >= state.wake || state.idle.watches(pc)) && due(uc, pc) {
@@ -651,11 +691,20 @@ fn due(uc: &mut Unicorn<'_, State>, pc: u32) -> bool {
         let now = state.bus.now;
         state.bus.events(now);
     }
-    let watched = state.idle.watches(pc);
-    if watched || state.idle.looks(&state.bus) {
-        skip(uc, pc);
+    let wanted = state.idle.next(&state.bus);
+    if state.idle.watches(pc) {
+        skip(uc);
+    } else if wanted.is_some_and(|at| at <= state.bus.now) {
+        let registers = crate::idle::registers(uc);
+        let state = uc.get_data_mut();
+        state
+            .idle
+            .begin(pc, registers, &state.bus, state.instructions);
     }
     let state = uc.get_data_mut();
+    if state.waits_at_gate(false) {
+        return true;
+    }
     let (until, stop_at) = (state.until, state.stop_at);
     let bus = &mut state.bus;
     if bus.error.is_some()
@@ -665,15 +714,11 @@ fn due(uc: &mut Unicorn<'_, State>, pc: u32) -> bool {
         || !bus.runs()
         || bus.now >= until
         || stop_at == Some(pc)
-        || bus.gate.is_closed() && state.idle.is_idle()
     {
         return true;
     }
-    let next = bus
-        .next()
-        .unwrap_or(until)
-        .min(until)
-        .min(state.idle.next().max(bus.now + 1));
+    let look = state.idle.next(bus).unwrap_or(until);
+    let next = bus.next().unwrap_or(until).min(until).min(look);
     state.wake = if stop_at.is_some() { 0 } else { next };
     if !bus.nvic.may_preempt() {
         return false;
@@ -689,15 +734,16 @@ fn due(uc: &mut Unicorn<'_, State>, pc: u32) -> bool {
 }
 
 /// Compares with the pass before, and skips passes if nothing has changed.
-fn skip(uc: &mut Unicorn<'_, State>, pc: u32) {
-    let registers = crate::idle::registers(uc);
-    let state = uc.get_data_mut();
-    let next = state.bus.next().unwrap_or(Ticks::MAX).min(state.until);
+fn skip(uc: &mut Unicorn<'_, State>) {
+    let registers = uc.get_data().idle.registers();
+    let same = registers.is_some_and(|registers| crate::idle::same(uc, registers));
     let State {
         idle,
         bus,
         instructions,
+        until,
         ..
-    } = state;
-    idle.pass(pc, registers, bus, instructions, next);
+    } = uc.get_data_mut();
+    let next = bus.next().unwrap_or(Ticks::MAX).min(*until);
+    idle.pass(same, bus, instructions, next);
 }

@@ -16,14 +16,27 @@ pub const MILLISECOND: Ticks = SECOND / 1_000;
 
 /// The span of `cycles` of a clock of `hertz`, rounded to the nearest tick.
 pub fn cycles(cycles: u64, hertz: u64) -> Ticks {
-    let exact = u128::from(cycles) * u128::from(SECOND);
-    let hertz = u128::from(hertz.max(1));
-    ((exact + hertz / 2) / hertz) as Ticks
+    let hertz = hertz.max(1);
+    let half = hertz / 2;
+    // Usually that many bits are enough, and it is asked for often.
+    match cycles
+        .checked_mul(SECOND)
+        .and_then(|exact| exact.checked_add(half))
+    {
+        Some(exact) => exact / hertz,
+        None => {
+            let exact = u128::from(cycles) * u128::from(SECOND) + u128::from(half);
+            (exact / u128::from(hertz)) as Ticks
+        }
+    }
 }
 
 /// The number of whole cycles of a clock of `hertz` in `span`.
 pub fn whole(span: Ticks, hertz: u64) -> u64 {
-    (u128::from(span) * u128::from(hertz) / u128::from(SECOND)) as u64
+    match span.checked_mul(hertz) {
+        Some(exact) => exact / SECOND,
+        None => (u128::from(span) * u128::from(hertz) / u128::from(SECOND)) as u64,
+    }
 }
 
 /// A span of so many seconds, rounded to the nearest tick.

@@ -27,12 +27,15 @@ pub enum Defect {
 pub struct Ad7606 {
     /// Codes of its inputs now, V1 to V8.
     pub inputs: [i16; CHANNELS],
+    /// Largest deviation of a sampled code from its input: noise, the same in every run.
+    pub noise: i16,
     /// How long it converts, [`SHORTEST`] to [`LONGEST`].
     pub conversion: Ticks,
     /// What is wrong with it.
     pub defect: Option<Defect>,
     /// Rising edges of CONVST that it took since power-up.
     pub samples: u64,
+    random: u32,
     sampled: [i16; CHANNELS],
     results: [i16; CHANNELS],
     /// The end of the conversion that is under way.
@@ -50,6 +53,8 @@ impl Default for Ad7606 {
     fn default() -> Self {
         Self {
             inputs: [0; CHANNELS],
+            noise: 0,
+            random: 1,
             conversion: LONGEST,
             defect: None,
             samples: 0,
@@ -70,6 +75,7 @@ impl Ad7606 {
     pub fn power_up(&mut self) {
         *self = Self {
             inputs: self.inputs,
+            noise: self.noise,
             conversion: self.conversion,
             defect: self.defect,
             ..Self::default()
@@ -82,9 +88,21 @@ impl Ad7606 {
         self.convst = high;
         if rising && self.started && !self.reset && self.ready.is_none() {
             self.samples += 1;
-            self.sampled = self.inputs;
+            self.sampled = self
+                .inputs
+                .map(|code| code.saturating_add(self.deviation()));
             self.ready = Some(now + self.conversion);
         }
+    }
+
+    fn deviation(&mut self) -> i16 {
+        // xorshift32.
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 17;
+        self.random ^= self.random << 5;
+        let span = 2 * u32::from(self.noise.unsigned_abs()) + 1;
+        // Below the span, which fits.
+        ((self.random % span) as i16) - self.noise
     }
 
     /// RESET: high ends a conversion and clears the results.

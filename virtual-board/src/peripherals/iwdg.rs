@@ -25,7 +25,7 @@ pub struct Iwdg {
     rlr: u32,
     /// When the last writes to PR and RLR have arrived.
     updated: [Ticks; 2],
-    /// When it bites, if it runs.
+    /// When it bites, by the sampling clock, if it runs.
     bites: Option<Ticks>,
     running: bool,
 }
@@ -50,7 +50,7 @@ impl Iwdg {
         cycles(u64::from(self.rlr + 1) * divider, LSI)
     }
 
-    /// When it bites, if it runs and nobody feeds it.
+    /// When it bites, by the sampling clock, if it runs and nobody feeds it.
     pub fn next(&self) -> Option<Ticks> {
         self.bites
     }
@@ -70,20 +70,27 @@ impl Iwdg {
         }
     }
 
-    /// Writes a register.
+    /// Writes a register. The count goes by the sampling clock, which may stand still; a
+    /// write arrives all the same.
     ///
     /// # Errors
     /// If it, or a value, is not modelled, or PR or RLR is not open or still busy.
-    pub fn write(&mut self, offset: u32, value: u32, now: Ticks) -> Result<(), Refusal> {
+    pub fn write(
+        &mut self,
+        offset: u32,
+        value: u32,
+        now: Ticks,
+        sampling: Ticks,
+    ) -> Result<(), Refusal> {
         let slot = match offset {
             0x00 => {
                 self.open = value == 0x5555;
                 match value {
                     0x5555 => {}
-                    0xAAAA => self.feed(now),
+                    0xAAAA => self.feed(sampling),
                     0xCCCC => {
                         self.running = true;
-                        self.feed(now);
+                        self.feed(sampling);
                     }
                     _ => return Err(format!("{value:#06x} is no key")),
                 }
@@ -107,9 +114,9 @@ impl Iwdg {
         Ok(())
     }
 
-    fn feed(&mut self, now: Ticks) {
+    fn feed(&mut self, sampling: Ticks) {
         if self.running {
-            self.bites = Some(now + self.time_out());
+            self.bites = Some(sampling + self.time_out());
         }
     }
 }
@@ -122,17 +129,17 @@ mod tests {
     #[test]
     fn it_bites_after_its_time_out() -> Result<(), Refusal> {
         let mut dog = Iwdg::default();
-        dog.write(0x00, 0xCCCC, 0)?;
+        dog.write(0x00, 0xCCCC, 0, 0)?;
         // As after a reset: 4,096 counts of 32 kHz/4.
         assert_eq!(dog.next(), Some(512 * MILLISECOND));
-        assert!(dog.write(0x04, 4, 0).is_err());
-        dog.write(0x00, 0x5555, 0)?;
-        dog.write(0x04, 4, 0)?;
-        dog.write(0x08, 25, 0)?;
+        assert!(dog.write(0x04, 4, 0, 0).is_err());
+        dog.write(0x00, 0x5555, 0, 0)?;
+        dog.write(0x04, 4, 0, 0)?;
+        dog.write(0x08, 25, 0, 0)?;
         assert_eq!(dog.read(0x0C, 0)?, 3);
         let later = SECOND / 32_000 * 5;
         assert_eq!(dog.read(0x0C, later)?, 0);
-        dog.write(0x00, 0xAAAA, later)?;
+        dog.write(0x00, 0xAAAA, later, later)?;
         assert_eq!(dog.next(), Some(later + 52 * MILLISECOND));
         Ok(())
     }

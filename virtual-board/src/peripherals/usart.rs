@@ -329,9 +329,9 @@ mod tests {
     #[test]
     fn another_baud_rate_is_refused() -> Result<(), Refusal> {
         let mut usart = ready()?;
-        usart.write(0x00, 0, 0)?;
+        usart.write(0x00, 1 << 29, 0)?;
         usart.write(0x0C, 1042, 0)?;
-        assert!(usart.write(0x00, 1, 0).is_err());
+        assert!(usart.write(0x00, 1 | 1 << 29, 0).is_err());
         Ok(())
     }
 }
