@@ -106,6 +106,53 @@ impl Board {
         std::array::from_fn(|leg| Ad5676r::volts(outputs[leg]))
     }
 
+    /// What is counted of the sample interrupt, in words: see [`crate::counts`].
+    pub fn counts(&self) -> String {
+        let bus = self.bus();
+        let counts = &bus.counts;
+        let samples = counts.instructions.count.max(1);
+        let cycle = bus.ticks.2.max(1);
+        let mut lines = vec![
+            format!(
+                "{} samples; instructions {} to {}, mean {:.0}",
+                counts.instructions.count,
+                counts.instructions.min,
+                counts.instructions.max,
+                counts.instructions.mean()
+            ),
+            format!(
+                "cycles from the timer's event to the handler {} to {}, to its return {} to {}; longest masked {}; {} events during a handler",
+                counts.latency.min / cycle,
+                counts.latency.max / cycle,
+                counts.response.min / cycle,
+                counts.response.max / cycle,
+                counts.masked / cycle,
+                counts.overlapped
+            ),
+        ];
+        for ((block, offset), [reads, writes]) in &counts.accesses {
+            let per = |count: u64| count as f64 / samples as f64;
+            lines.push(format!(
+                "{:<14} {:8.2} reads {:8.2} writes a sample",
+                block.register(*offset),
+                per(*reads),
+                per(*writes)
+            ));
+        }
+        let mut functions = std::collections::BTreeMap::<&str, u64>::new();
+        for (pc, count) in counts.from_flash() {
+            let name = self.image.function(pc).map_or("?", |symbol| &symbol.name);
+            *functions.entry(name).or_default() += count;
+        }
+        for (name, count) in functions {
+            let each = count as f64 / samples as f64;
+            lines.push(format!(
+                "from flash: {each:8.1} instructions a sample of {name}"
+            ));
+        }
+        lines.join("\n")
+    }
+
     /// Sends bytes to the board over the link, back to back.
     pub fn send(&mut self, bytes: &[u8]) {
         let bus = self.bus_mut();

@@ -7,6 +7,7 @@
 mod converters;
 mod lab;
 mod line;
+mod model;
 mod processor;
 mod starts;
 mod storage;
