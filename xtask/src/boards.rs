@@ -41,10 +41,15 @@ pub fn build(board: &EmulatedBoard, tools: &Tools) -> Outcome<PathBuf> {
 
 /// Builds the reference board's image; gives its path.
 pub fn build_reference(tools: &Tools) -> Outcome<PathBuf> {
-    let arguments = ["--bin", REFERENCE];
-    let (mut command, folder) = building_for(REFERENCE, "cortex-m7", &arguments, tools);
+    let (mut command, image) = building_reference(tools);
     run(&mut command)?;
-    Ok(folder.join(REFERENCE))
+    Ok(image)
+}
+
+/// The command that builds the reference board's image, and its path then.
+pub fn building_reference(tools: &Tools) -> (Command, PathBuf) {
+    let (command, folder) = building_for(REFERENCE, "cortex-m7", &["--bin", REFERENCE], tools);
+    (command, folder.join(REFERENCE))
 }
 
 /// The reference board's image.

@@ -6,6 +6,7 @@ mod boards;
 mod size;
 mod steps;
 mod tools;
+mod virtual_board;
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -63,6 +64,24 @@ enum Task {
         /// Address of the link.
         #[arg(long, default_value = "127.0.0.1:7700")]
         listen: String,
+    },
+    /// The reference board's real image on the virtual board, with the simulated plant at
+    /// its converters, its link on TCP for `host-gen link`, until it is stopped.
+    Virtual {
+        #[command(flatten)]
+        setup: Setup,
+        /// The machine of the image's table.
+        #[arg(default_value = virtual_board::MODEL)]
+        model: String,
+        /// Address of the link.
+        #[arg(long, default_value = "127.0.0.1:7700")]
+        listen: String,
+        /// Instead, the scenes: the image with something that goes wrong.
+        #[arg(long)]
+        scenes: bool,
+        /// The scenes that take minutes too.
+        #[arg(long, requires = "scenes")]
+        full: bool,
     },
     /// Instructions per controller step on both emulated boards, against the
     /// baseline in firmware/instructions.txt.
@@ -148,12 +167,27 @@ fn main() -> ExitCode {
             setup,
             samples,
             full,
-        } => Tools::find(!setup.no_install).and_then(|tools| pil(&tools, samples, full)),
+        } => Tools::find(!setup.no_install)
+            .and_then(|tools| pil(&tools, samples, full, !setup.no_install)),
         Task::Emulate {
             setup,
             model,
             listen,
         } => Tools::find(!setup.no_install).and_then(|tools| emulate(&tools, &model, &listen)),
+        Task::Virtual {
+            setup,
+            model,
+            listen,
+            scenes,
+            full,
+        } => Tools::find(!setup.no_install).and_then(|tools| {
+            let image = virtual_board::build(&tools, !setup.no_install)?;
+            if scenes {
+                run(&mut virtual_board::scenes(&image, full)?)
+            } else {
+                virtual_serve(&image, &model, &listen)
+            }
+        }),
         Task::Bench { setup, update } => {
             Tools::find(!setup.no_install).and_then(|tools| bench(&tools, update))
         }
@@ -187,8 +221,13 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
     // First, so that a missing tool is known at once.
     let tools = Tools::find(!setup.no_install)?;
     tools::chromium(!setup.no_install)?;
+    tools::emulator(!setup.no_install)?;
     let mut times = Times::default();
-    let boards = BOARDS.iter().map(|board| boards::building(board, &tools).0);
+    let (reference, image) = boards::building_reference(&tools);
+    let boards = BOARDS
+        .iter()
+        .map(|board| boards::building(board, &tools).0)
+        .chain([reference, virtual_board::building()]);
     times.run([
         vec![
             Step::new("build", [building()]),
@@ -213,6 +252,7 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
         vec![
             Step::new("session without boards", alone),
             Step::new("processor in the loop", boards),
+            Step::new("scenes", [virtual_board::scenes(&image, full)?]),
             Step::new("documents", [docs_command(None)?]),
         ],
         vec![Step::new("unit and integration tests", [testing()])]
@@ -314,7 +354,8 @@ fn docs_command(book: Option<&str>) -> Outcome<Command> {
     Ok(command)
 }
 
-fn pil(tools: &Tools, samples: u32, full: bool) -> Outcome<()> {
+fn pil(tools: &Tools, samples: u32, full: bool, install: bool) -> Outcome<()> {
+    virtual_board::build(tools, install)?;
     run(&mut building())?;
     for board in &BOARDS {
         boards::build(board, tools)?;
@@ -326,7 +367,8 @@ fn pil(tools: &Tools, samples: u32, full: bool) -> Outcome<()> {
     Ok(())
 }
 
-/// A session of each machine, on the host alone or, with `tools`, on both boards.
+/// A session of each machine, on the host alone or, with `tools`, on its boards: both
+/// emulated ones, or the virtual one for the machine of its image.
 fn sessions(samples: u32, full: bool, tools: Option<&Tools>) -> Vec<Command> {
     let session = |(model, image, part): (&str, &str, u32)| {
         let mut command = built("pil");
@@ -342,7 +384,30 @@ fn sessions(samples: u32, full: bool, tools: Option<&Tools>) -> Vec<Command> {
         }
         command
     };
-    CONTROLLED.map(session).into()
+    let mut commands: Vec<_> = CONTROLLED.map(session).into();
+    let mut command = built("pil");
+    command.args(["--model", virtual_board::MODEL]);
+    command.args(["--samples", &samples.to_string()]);
+    if !full {
+        command.arg("--quick");
+    }
+    if let Some(tools) = tools {
+        let (_, image) = boards::building_reference(tools);
+        command.args(["--board", virtual_board::MACHINE]).arg(image);
+        command.arg("--virtual-board").arg(virtual_board::program());
+    }
+    commands.push(command);
+    commands
+}
+
+/// The plant at the virtual board's converters, its link on TCP.
+fn virtual_serve(image: &Path, model: &str, listen: &str) -> Outcome<()> {
+    run(&mut building())?;
+    let mut command = built("pil");
+    command.args(["--model", model, "--listen", listen]);
+    command.args(["--board", virtual_board::MACHINE]).arg(image);
+    command.arg("--virtual-board").arg(virtual_board::program());
+    run(&mut command)
 }
 
 fn flash(tools: &Tools) -> Outcome<()> {

@@ -119,6 +119,34 @@ pub fn chromium(install: bool) -> Outcome<()> {
     apt(&arguments)
 }
 
+/// What the virtual board's emulator is built with: cmake, and libclang for its bindings.
+pub fn emulator(install: bool) -> Outcome<()> {
+    let clang = Path::new("/usr/lib/llvm-14/lib/libclang-14.so.1").is_file()
+        || env::var_os("LIBCLANG_PATH").is_some()
+        || on_path("llvm-config");
+    let mut packages = Vec::new();
+    if !on_path("cmake") {
+        packages.push("cmake");
+    }
+    if !clang {
+        packages.push("libclang-dev");
+    }
+    if packages.is_empty() {
+        return Ok(());
+    }
+    let names = packages.join(" ");
+    if !install {
+        return Err(format!(
+            "missing: {names} (Debian packages). Install them with apt-get install --no-install-recommends {names}, or leave out --no-install"
+        ));
+    }
+    println!("installing from Debian: {names}");
+    apt(&["update", "--quiet"])?;
+    let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
+    arguments.extend(packages);
+    apt(&arguments)
+}
+
 /// A program that is a crate, and the version that the project is tested with.
 pub struct Crate {
     name: &'static str,

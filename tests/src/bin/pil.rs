@@ -22,6 +22,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
+use firmware::budget;
 use firmware::exchange::{REPLY, REQUEST, parse_reply, request};
 use firmware::link_task::LinkTask;
 use firmware::loop_task::BoardController;
@@ -60,7 +61,23 @@ struct Cli {
     /// Without any, the host rehearses the session alone, in seconds.
     #[arg(long, num_args = 2, value_names = ["MACHINE", "IMAGE"])]
     board: Vec<String>,
+    /// The program that runs the board `virtual-h743`: the reference board with its real
+    /// image, of the package in `virtual-board`.
+    #[arg(long, value_name = "PROGRAM", default_value = "virtual-board")]
+    virtual_board: PathBuf,
 }
+
+/// The name of the reference board in software; any other is one of QEMU's.
+const VIRTUAL: &str = "virtual-h743";
+
+/// What instructions and accesses cost there: so little that every sample of the session is
+/// written before its latch, the multisine's of 20 lines too. The codes do not depend on it.
+const COST: [&str; 4] = [
+    "--cycles-per-instruction",
+    "0.2",
+    "--cycles-per-access",
+    "5",
+];
 
 /// A board that is silent for this long has stopped.
 const SILENCE: Duration = Duration::from_secs(60);
@@ -76,8 +93,8 @@ const SHOCK: u32 = 1_000;
 /// give up.
 const SHOCKS_APART: u32 = 60_000;
 
-/// Records that the board's recorder has room for.
-const ROOM: usize = 16_384;
+/// Records that the recorder has room for when the host is alone.
+const ROOM: usize = 8_192;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error + Send + Sync>>;
 
@@ -112,7 +129,7 @@ fn run(cli: &Cli) -> Outcome<bool> {
         let [board] = boards[..] else {
             return Err("--listen takes one board".into());
         };
-        return serve(&study, &board[0], Path::new(&board[1]), address);
+        return serve(&study, &cli.board(board), address);
     }
     // Side by side: most of the time goes into waiting for single bytes.
     let results = thread::scope(|scope| {
@@ -121,8 +138,7 @@ fn run(cli: &Cli) -> Outcome<bool> {
             .map(|board| {
                 let study = &study;
                 scope.spawn(move || {
-                    let image = Path::new(&board[1]);
-                    in_the_loop(study, entry, cli, &board[0], Some(image))
+                    in_the_loop(study, entry, cli, &board[0], Some(cli.board(board)))
                 })
             })
             .collect();
@@ -149,11 +165,74 @@ fn run(cli: &Cli) -> Outcome<bool> {
     Ok(good)
 }
 
+/// A board to emulate.
+struct Board<'a> {
+    machine: &'a str,
+    image: &'a Path,
+    /// The program that runs the reference board.
+    virtual_board: &'a Path,
+}
+
+impl Cli {
+    /// A board of two arguments: machine and image.
+    fn board<'a>(&'a self, arguments: &'a [String]) -> Board<'a> {
+        Board {
+            machine: &arguments[0],
+            image: Path::new(&arguments[1]),
+            virtual_board: &self.virtual_board,
+        }
+    }
+}
+
+impl Board<'_> {
+    /// What tables it can run.
+    fn limits(&self) -> Limits {
+        if self.machine == VIRTUAL {
+            budget::LIMITS
+        } else {
+            Limits::NONE
+        }
+    }
+
+    /// Records that its recorder has room for.
+    fn room(&self) -> usize {
+        if self.machine == VIRTUAL {
+            8_192
+        } else {
+            16_384
+        }
+    }
+
+    /// Starts the emulator with the converters' line and the link at these places.
+    fn start(&self, converters: &str, link: &str) -> Outcome<Running> {
+        let mut command;
+        if self.machine == VIRTUAL {
+            command = Command::new(self.virtual_board);
+            command.args(["--converters", converters, "--link", link]);
+            command.args(COST);
+            command.arg(self.image);
+        } else {
+            command = Command::new("qemu-system-arm");
+            command
+                .args(["-M", self.machine, "-display", "none", "-monitor", "none"])
+                .args(["-semihosting-config", "enable=on,target=native"])
+                .args(["-serial", converters, "-serial", link])
+                .arg("-kernel")
+                .arg(self.image);
+        }
+        Ok(Running(command.stdin(Stdio::null()).spawn()?))
+    }
+}
+
 /// The plant on a board's converters, for ever.
-fn serve(study: &Study, machine: &str, image: &Path, address: &str) -> Outcome<bool> {
+fn serve(study: &Study, board: &Board, address: &str) -> Outcome<bool> {
     let socket = Socket::new("converters")?;
-    let link = format!("tcp:{address},server=on,wait=off");
-    let mut process = emulator(machine, image, &[&socket.argument(), &link])?;
+    let link = if board.machine == VIRTUAL {
+        format!("tcp:{address}")
+    } else {
+        format!("tcp:{address},server=on,wait=off")
+    };
+    let mut process = board.start(&socket.argument(), &link)?;
     let mut converters = socket.accept(&mut process)?;
     let mut rig = Rig::new(
         study.plant().clone(),
@@ -187,22 +266,22 @@ fn in_the_loop(
     study: &Study,
     entry: &'static Entry,
     cli: &Cli,
-    machine: &str,
-    image: Option<&Path>,
+    name: &str,
+    board: Option<Board>,
 ) -> Outcome<Count> {
     let start = Instant::now();
     let settings = &study.machine().simulation;
     // One a run of this program and board, as on a board.
-    let room = vec![Record::NONE; ROOM].leak();
+    let room = board.as_ref().map_or(ROOM, Board::room);
+    let room = vec![Record::NONE; room].leak();
+    let limits = board.as_ref().map_or(Limits::NONE, Board::limits);
     let host: &'static BoardController = Box::leak(Box::new(BoardController::new()));
     let store = Store::new(RamFlash::new(), 0..RamFlash::SIZE as u32);
     let mut session = Session {
-        name: machine,
-        board: image
-            .map(|image| Emulated::start(machine, image))
-            .transpose()?,
+        name,
+        board: board.as_ref().map(Emulated::start).transpose()?,
         rig: Rig::new(study.plant().clone(), &study.machine().board, settings),
-        link: LinkTask::begin(host, entry, Limits::NONE, store, room),
+        link: LinkTask::begin(host, entry, limits, store, room),
         host,
         session: 0,
         sequence: 0,
@@ -549,10 +628,9 @@ struct Emulated {
 }
 
 impl Emulated {
-    fn start(machine: &str, image: &Path) -> Outcome<Self> {
+    fn start(board: &Board) -> Outcome<Self> {
         let [converters, link] = [Socket::new("converters")?, Socket::new("link")?];
-        let arguments = [converters.argument(), link.argument()];
-        let mut process = emulator(machine, image, &[&arguments[0], &arguments[1]])?;
+        let mut process = board.start(&converters.argument(), &link.argument())?;
         Ok(Self {
             converters: converters.accept(&mut process)?,
             link: link.accept(&mut process)?,
@@ -583,19 +661,6 @@ fn exchange(converters: &mut UnixStream, request: &[u8; REQUEST]) -> Outcome<[u8
         .read_exact(&mut reply)
         .map_err(|error| format!("the board does not answer: {error}"))?;
     Ok(reply)
-}
-
-/// Starts the emulator with its UARTs, in order, at `serials`.
-fn emulator(machine: &str, image: &Path, serials: &[&str]) -> Outcome<Running> {
-    let mut command = Command::new("qemu-system-arm");
-    command
-        .args(["-M", machine, "-display", "none", "-monitor", "none"])
-        .args(["-semihosting-config", "enable=on,target=native"]);
-    for serial in serials {
-        command.args(["-serial", serial]);
-    }
-    command.arg("-kernel").arg(image).stdin(Stdio::null());
-    Ok(Running(command.spawn()?))
 }
 
 /// A process that ends with its owner.
