@@ -15,7 +15,7 @@ use crate::peripherals::flash::{self, Flash};
 use crate::peripherals::gpio::{self, Function, Gpio};
 use crate::peripherals::iwdg::{self, Iwdg};
 use crate::peripherals::mpu::{self, Mpu};
-use crate::peripherals::nvic::{self, Nvic};
+use crate::peripherals::nvic::{self, NMI, Nvic};
 use crate::peripherals::pwr::{self, Pwr};
 use crate::peripherals::rcc::{self, Domain, Rcc, Reset};
 use crate::peripherals::scb::{self, Scb};
@@ -125,6 +125,8 @@ impl Block {
             Self::Flash => true,
             Self::Spi1 | Self::Spi3 => offset == 0x14,
             Self::Usart3 => offset == 0x1C,
+            // All but the counter.
+            Self::Tim1 => offset != 0x24,
             Self::Gpio(_) => true,
             _ => false,
         }
@@ -357,7 +359,11 @@ impl Bus {
 
     /// The clock at HSE stops, or comes back.
     pub fn set_hse(&mut self, present: bool) {
-        self.rcc.hse_present = present;
+        if present {
+            self.rcc.hse_present = true;
+        } else if self.rcc.lose_hse() {
+            self.nvic.set_pending(NMI, true);
+        }
         self.clock();
     }
 
@@ -439,6 +445,10 @@ impl Bus {
         };
         if event.update {
             self.gate.pass();
+        }
+        // The end of LDAC.
+        if event.matches >> 3 & 1 != 0 && self.gate.holds() {
+            self.gate.close(at);
         }
         if event.matches >> 1 & 1 != 0 {
             self.counts.timer_event(at);

@@ -226,9 +226,9 @@ impl Machine {
         let state = self.uc.get_data_mut();
         let bus = &mut state.bus;
         bus.adc.inputs[..codes.len()].copy_from_slice(codes);
-        // The timer has just been started: its first CONVST came with that, and what it
-        // sampled is known only now.
-        let begins = bus.tim1.is_fresh();
+        // If the timer has just been started at 0, its first CONVST came with that, and what
+        // it sampled is known only now.
+        let begins = bus.tim1.has_begun();
         if begins {
             bus.adc.resample();
         }

@@ -5,6 +5,8 @@ use super::{Refusal, Register, only, unknown};
 
 /// Number of HardFault.
 pub const HARD_FAULT: u16 = 3;
+/// Number of NMI.
+pub const NMI: u16 = 2;
 /// Number of MemManage.
 pub const MEM_MANAGE: u16 = 4;
 /// Number of BusFault.

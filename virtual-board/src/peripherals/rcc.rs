@@ -68,6 +68,9 @@ const HSI: u64 = 64_000_000;
 /// Frequency at HSE, from the ST-LINK, Hz.
 pub const HSE: u64 = 8_000_000;
 
+/// HSECSSON: a failure of HSE is an NMI.
+const CSS: u32 = 1 << 19;
+
 /// Until HSE is ready: in bypass it only has to be counted. A model's figure.
 const HSE_START: Ticks = 20 * MICROSECOND;
 
@@ -235,6 +238,23 @@ impl Rcc {
         };
     }
 
+    /// HSE stops. Whether the clock security system notices (8.5.3): then HSE and the PLLs
+    /// that it feeds are off, and the core runs on HSI.
+    pub fn lose_hse(&mut self) -> bool {
+        self.hse_present = false;
+        let notices = self.cr & CSS != 0;
+        if notices {
+            self.cr &= !(1 << 16);
+            self.ready[0] = None;
+            if self.pllckselr & 3 == 2 {
+                self.cr &= !(1 << 24 | 1 << 26 | 1 << 28);
+                self.ready = [None; 4];
+            }
+            self.cfgr = 0;
+        }
+        notices
+    }
+
     fn ready(&self, source: usize, now: Ticks) -> bool {
         self.ready[source].is_some_and(|at| at <= now) && (source != 0 || self.hse_present)
     }
@@ -353,12 +373,17 @@ impl Rcc {
         let at = |first: u32| ((offset - first) / 4) as usize;
         match offset {
             0x00 => {
-                // HSION, HSI48ON (used by nothing), HSEON, HSEBYP, PLLxON; the flags are
-                // read-only.
+                // HSION, HSI48ON (used by nothing), HSEON, HSEBYP, HSECSSON (8.5.3), PLLxON; the
+                // flags are read-only.
                 let flags =
                     1 << 2 | 1 << 5 | 1 << 13 | 3 << 14 | 1 << 17 | 1 << 25 | 1 << 27 | 1 << 29;
-                let known = 1 | 1 << 12 | 1 << 16 | 1 << 18 | 1 << 24 | 1 << 26 | 1 << 28;
-                self.cr = only(value & !flags, known)?;
+                let known = 1 | 1 << 12 | 1 << 16 | 1 << 18 | CSS | 1 << 24 | 1 << 26 | 1 << 28;
+                let value = only(value & !flags, known)?;
+                if value & CSS != 0 && !self.ready(0, now) {
+                    return Err("HSECSSON is set while HSE is not ready".to_owned());
+                }
+                // Once set, it stays until the next reset.
+                self.cr = value | self.cr & CSS;
                 for (source, (bit, time)) in [
                     (16, HSE_START),
                     (24, PLL_LOCK),
@@ -482,8 +507,10 @@ mod tests {
     #[test]
     fn unknown_bits_are_refused() {
         let mut rcc = Rcc::default();
-        // HSECSSON.
+        // HSECSSON without HSE.
         assert!(rcc.write(0x00, 1 | 1 << 19, 0).is_err());
+        // CSION.
+        assert!(rcc.write(0x00, 1 | 1 << 7, 0).is_err());
         // TIM8.
         assert!(rcc.write(0xF0, 2, 0).is_err());
         assert!(rcc.write(0xF0, 1, 0).is_ok());

@@ -1,6 +1,6 @@
-//! Serial peripheral interface, SPI1 or SPI3, as a full-duplex master (RM0433,
-//! chapter 50). FIFOs of 16 bytes; a frame of DSIZE + 1 bits is exchanged with the wire as
-//! its last bit ends.
+//! Serial peripheral interface, SPI1 or SPI3, as a master, full-duplex or in one direction
+//! (RM0433, chapter 50). FIFOs of 16 bytes; a frame of DSIZE + 1 bits is exchanged with the
+//! wire as its last bit ends.
 
 use std::collections::VecDeque;
 
@@ -27,6 +27,12 @@ pub const REGISTERS: [Register; 14] = [
 
 /// Size of each FIFO, bytes.
 const FIFO: usize = 16;
+
+/// COMM: only MOSI is used.
+const TRANSMITTER: u32 = 1;
+
+/// COMM: only MISO is used, and the clock runs by itself.
+const RECEIVER: u32 = 2;
 
 const EOT: u32 = 1 << 3;
 const TXTF: u32 = 1 << 4;
@@ -74,9 +80,27 @@ impl Spi {
         (self.cfg1 & 0x1F) + 1
     }
 
-    /// Bytes that a frame takes in the FIFOs.
+    /// Bytes that a frame takes in the FIFOs: one, two or four (50.4.11).
     fn bytes(&self) -> usize {
-        (self.bits() as usize).div_ceil(8)
+        (self.bits() as usize).div_ceil(8).next_power_of_two()
+    }
+
+    /// COMM (50.11.4): 0 is full-duplex.
+    fn comm(&self) -> u32 {
+        self.cfg2 >> 17 & 3
+    }
+
+    fn sends(&self) -> bool {
+        self.comm() != RECEIVER
+    }
+
+    fn receives(&self) -> bool {
+        self.comm() != TRANSMITTER
+    }
+
+    /// Whether the transfer has no fixed length: TSIZE is 0.
+    fn is_endless(&self) -> bool {
+        self.tsize == 0
     }
 
     fn bit(&self) -> Ticks {
@@ -91,9 +115,10 @@ impl Spi {
 
     /// Begins a frame at `now`, if there is one to send.
     fn begin(&mut self, now: Ticks) {
-        let running = self.cr1 >> 9 & 1 != 0 && self.is_enabled() && self.left > 0;
-        if running && self.ends.is_none() && self.tx.len() >= self.bytes() && self.kernel.is_some()
-        {
+        let running = self.cr1 >> 9 & 1 != 0 && self.is_enabled();
+        let running = running && (self.left > 0 || self.is_endless());
+        let ready = !self.sends() || self.tx.len() >= self.bytes();
+        if running && self.ends.is_none() && ready && self.kernel.is_some() {
             self.ends = Some(now + u64::from(self.bits()) * self.bit());
         }
     }
@@ -121,16 +146,22 @@ impl Spi {
             return;
         };
         let bytes = self.bytes();
-        self.tx.drain(..bytes);
-        if self.rx.len() + bytes > FIFO {
-            self.flags |= OVR;
-        } else {
-            self.rx.extend(&received.to_le_bytes()[..bytes]);
+        if self.sends() {
+            self.tx.drain(..bytes);
         }
-        self.left -= 1;
-        if self.left == 0 {
-            self.flags |= EOT | TXTF;
-            self.cr1 &= !(1 << 9);
+        if self.receives() {
+            if self.rx.len() + bytes > FIFO {
+                self.flags |= OVR;
+            } else {
+                self.rx.extend(&received.to_le_bytes()[..bytes]);
+            }
+        }
+        if !self.is_endless() {
+            self.left -= 1;
+            if self.left == 0 {
+                self.flags |= EOT | TXTF;
+                self.cr1 &= !(1 << 9);
+            }
         }
         self.begin(ended);
     }
@@ -214,8 +245,8 @@ impl Spi {
                     }
                     self.left = self.tsize;
                 }
-                if value >> 9 & 1 != 0 && self.left == 0 {
-                    return Err("transfers of no fixed length are not modelled".to_owned());
+                if value >> 9 & 1 != 0 && self.is_endless() && self.comm() != TRANSMITTER {
+                    return Err("endless transfers that receive are not modelled".to_owned());
                 }
                 self.begin(now);
             }
@@ -225,8 +256,15 @@ impl Spi {
             // DSIZE, MBR; FTHLV = 0: a packet is a frame.
             0x08 => self.cfg1 = only(value, 0x1F | 7 << 28)?,
             0x0C if self.is_enabled() => return locked(),
-            // MASTER, CPHA, CPOL, SSM, AFCNTR.
-            0x0C => self.cfg2 = only(value, 1 << 22 | 1 << 24 | 1 << 25 | 1 << 26 | 1 << 31)?,
+            // COMM, MASTER, CPHA, CPOL, SSM, AFCNTR.
+            0x0C => {
+                let bits = 3 << 17 | 1 << 22 | 1 << 24 | 1 << 25 | 1 << 26 | 1 << 31;
+                let value = only(value, bits)?;
+                if value >> 17 & 3 == 3 {
+                    return Err("half-duplex is not modelled".to_owned());
+                }
+                self.cfg2 = value;
+            }
             0x18 => self.flags &= !only(value, 0xFF8)?,
             0x20 => {
                 if !self.is_enabled() {
@@ -303,6 +341,50 @@ mod tests {
         assert_eq!((frame.bits, frame.data), (32, 0x1234_5678));
         spi.finish(0xCAFE_F00D);
         assert_eq!(spi.read(0x30, 4)?, 0xCAFE_F00D);
+        Ok(())
+    }
+
+    /// Without end, in one direction: a word goes out when it is written, and TXC (50.11.6)
+    /// tells its end.
+    #[test]
+    fn words_are_sent_as_they_come() -> Result<(), Refusal> {
+        let mut spi = ready(1)?;
+        spi.write(0x08, 4, 23 | 1 << 28, 0)?;
+        spi.write(0x0C, 4, 1 << 17 | 1 << 22 | 1 << 25 | 1 << 26 | 1 << 31, 0)?;
+        spi.write(0x00, 4, 1 | 1 << 12, 0)?;
+        spi.write(0x00, 4, 1 | 1 << 9 | 1 << 12, 0)?;
+        for word in [0x12_3456, 0xAB_CDEF] {
+            assert_ne!(spi.read(0x14, 4)? & 1 << 12, 0);
+            spi.write(0x20, 4, word, 1000)?;
+            assert_eq!(spi.read(0x14, 4)? & 1 << 12, 0);
+            let ends = spi.next().ok_or("begun")?;
+            assert_eq!(ends - 1000, 24 * cycles(4, 112_000_000));
+            assert_eq!(spi.due(ends).ok_or("due")?.data, word);
+            spi.finish(0xFF_FFFF);
+        }
+        assert_eq!(spi.read(0x14, 4)? & (EOT | OVR | 1), 0);
+        Ok(())
+    }
+
+    /// A receiver's clock runs by itself for TSIZE frames.
+    #[test]
+    fn a_receiver_needs_no_data_to_send() -> Result<(), Refusal> {
+        let mut spi = ready(2)?;
+        spi.write(0x08, 4, 31 | 2 << 28, 0)?;
+        spi.write(0x0C, 4, 2 << 17 | 1 << 22 | 1 << 25 | 1 << 26 | 1 << 31, 0)?;
+        spi.write(0x04, 4, 3, 0)?;
+        spi.write(0x00, 4, 1 | 1 << 12, 0)?;
+        assert_eq!(spi.next(), None);
+        spi.write(0x00, 4, 1 | 1 << 9 | 1 << 12, 0)?;
+        for word in 1..=3 {
+            assert!(spi.next().is_some());
+            spi.finish(word);
+        }
+        assert_eq!(spi.next(), None);
+        assert_ne!(spi.read(0x14, 4)? & EOT, 0);
+        for word in 1..=3 {
+            assert_eq!(spi.read(0x30, 4)?, word);
+        }
         Ok(())
     }
 

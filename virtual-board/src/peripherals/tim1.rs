@@ -48,6 +48,8 @@ pub struct Event {
 
 /// The timer.
 pub struct Tim1 {
+    /// It was enabled, and nothing has happened since.
+    fresh: bool,
     /// Its clock, Hz.
     pub clock: u64,
     enabled: bool,
@@ -59,6 +61,7 @@ pub struct Tim1 {
     psc: (u32, u32),
     arr: u32,
     ccr: [u32; 4],
+    ccr5: u32,
     moe: bool,
     /// Moment of count 0 of this period, if it runs.
     start: Ticks,
@@ -69,6 +72,7 @@ pub struct Tim1 {
 impl Default for Tim1 {
     fn default() -> Self {
         Self {
+            fresh: false,
             clock: 1,
             enabled: false,
             dier: 0,
@@ -78,6 +82,7 @@ impl Default for Tim1 {
             psc: (0, 0),
             arr: 0xFFFF,
             ccr: [0; 4],
+            ccr5: 0,
             moe: false,
             start: 0,
             done: 0,
@@ -93,7 +98,12 @@ impl Tim1 {
 
     /// Whether it has just begun to count, and nothing has happened since.
     pub fn is_fresh(&self) -> bool {
-        self.enabled && self.done == 0
+        self.enabled && self.fresh
+    }
+
+    /// Whether it has just begun to count from 0, the beginning of a period.
+    pub fn has_begun(&self) -> bool {
+        self.is_fresh() && self.done == 0
     }
 
     /// Moment of a count of this period.
@@ -113,7 +123,7 @@ impl Tim1 {
 
     /// The next count at which something happens: a compare value, or one past the end.
     fn next_count(&self) -> u32 {
-        let compares = self.ccr.iter().copied();
+        let compares = self.ccr.iter().copied().chain([self.ccr5]);
         compares
             .filter(|count| *count > self.done && *count <= self.arr)
             .min()
@@ -130,6 +140,7 @@ impl Tim1 {
     pub fn advance(&mut self, now: Ticks) -> Option<Event> {
         let (at, update) = self.next().filter(|(at, _)| *at <= now)?;
         let count = self.next_count();
+        self.fresh = false;
         if update {
             self.sr |= 1;
             self.start = at;
@@ -141,7 +152,7 @@ impl Tim1 {
         let reached = self.done;
         let matches = (0..4).filter(|i| self.ccr[*i] == reached);
         let matches = matches.fold(0, |bits, i| bits | 1u32 << i);
-        self.sr |= matches << 1;
+        self.sr |= matches << 1 | u32::from(self.ccr5 == reached) << 16;
         Some(Event {
             at,
             update,
@@ -202,6 +213,7 @@ impl Tim1 {
             0x28 => self.psc.0,
             0x2C => self.arr,
             0x34..0x44 => self.ccr[((offset - 0x34) / 4) as usize],
+            0x58 => self.ccr5,
             0x44 => u32::from(self.moe) << 15,
             _ => return unknown(),
         })
@@ -216,6 +228,7 @@ impl Tim1 {
             0x00 => {
                 let enable = only(value, 1)? != 0;
                 if enable && !self.enabled {
+                    self.fresh = true;
                     let passed = u64::from(self.done) * u64::from(self.psc.1 + 1);
                     self.start = now - cycles(passed, self.clock).min(now);
                 } else if !enable {
@@ -234,6 +247,8 @@ impl Tim1 {
                 self.start = now;
                 self.psc.1 = self.psc.0;
             }
+            // What lies below the count has happened.
+            0x24 if !self.enabled => self.done = only(value, 0xFFFF)?,
             0x18 | 0x1C => {
                 // CCxS = 0 and no preload: only OCxM.
                 let value = only(value, 0x0101_7070)?;
@@ -260,6 +275,13 @@ impl Tim1 {
                     self.done = self.count(now);
                 }
                 self.ccr[((offset - 0x34) / 4) as usize] = only(value, 0xFFFF)?;
+            }
+            // No GC5Cx: channel 5 is in no other's reference.
+            0x58 => {
+                if self.enabled {
+                    self.done = self.count(now);
+                }
+                self.ccr5 = only(value, 0xFFFF)?;
             }
             // MOE alone: no break inputs, no dead time.
             0x44 => self.moe = only(value, 1 << 15)? != 0,

@@ -5,13 +5,14 @@
 //! CH1  ──┐▔▔▔▔▔└───────────────────────────────────────────────────┐▔▔▔  CONVST
 //! CC2                           ▲ interrupt: read, step, write
 //! CH3  ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔└──┘▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔  LDAC
+//! CC5                                                      ▲ flag: near the interrupt
 //! ```
 //!
 //! CH3 and CH4 together make the LDAC pulse (combined PWM mode 2: both references; RM0433,
 //! chapter 38), so that it may be anywhere in the period. A latch later than T is in the next
 //! period, before the codes of that one are written.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_stm32::pac::timer::{regs, vals};
 use embassy_stm32::pac::{RCC, TIM1};
@@ -29,8 +30,14 @@ const SHORTEST: f32 = 50e-9;
 /// Time before the interrupt in which no critical section begins, s.
 pub const GUARD: f32 = 9e-6;
 
-/// [`GUARD`] in counts of the timer; 0 while the timer stands.
-static GUARDED: AtomicU32 = AtomicU32::new(0);
+/// Flag of CC2, the interrupt.
+const DUE: u32 = 1 << 2;
+
+/// Flag of CC5: the interrupt is less than [`GUARD`] away.
+const NEAR: u32 = 1 << 16;
+
+/// Whether the timer runs.
+static RUNS: AtomicBool = AtomicBool::new(false);
 
 fn counts(seconds: f32) -> u32 {
     // The cast saturates.
@@ -52,7 +59,7 @@ pub fn start(rate: f32, latch: f32) {
     let (period, prescaler) = division(rate);
     let at = |seconds: f32| (counts(seconds) / (prescaler + 1)) as u16;
     let t = TIM1;
-    GUARDED.store(0, Ordering::Relaxed);
+    RUNS.store(false, Ordering::Relaxed);
     t.cr1().write(|w| w.set_cen(false));
     t.dier().write(|_| {});
     // At most 65,536.
@@ -65,6 +72,8 @@ pub fn start(rate: f32, latch: f32) {
     let end = (latch + u32::from(at(PULSE))).min(period - 1);
     t.ccr(2).write(|w| w.set_ccr(latch as u16));
     t.ccr(3).write(|w| w.set_ccr(end as u16));
+    let guard = u32::from(at(READ as f32)) + period - u32::from(at(GUARD)).min(period);
+    t.ccr5().write(|w| w.set_ccr((guard % period) as u16));
     // CH1: PWM mode 1. CH2: its flag only.
     t.ccmr_output(0)
         .write(|w| w.set_ocm(0, vals::OcmGp::PWM_MODE1));
@@ -87,33 +96,17 @@ pub fn start(rate: f32, latch: f32) {
     t.sr().write_value(regs::SrAdv(0));
     t.dier().write(|w| w.set_ccie(1, true));
     t.cr1().write(|w| w.set_cen(true));
-    GUARDED.store(at(GUARD).into(), Ordering::Relaxed);
+    RUNS.store(true, Ordering::Relaxed);
 }
 
 /// Whether the interrupt is at least [`GUARD`] away, or the timer stands.
 pub fn is_far() -> bool {
-    let guard = GUARDED.load(Ordering::Relaxed);
-    if guard == 0 {
-        return true;
-    }
-    // In this order: an interrupt that becomes due in between is seen by its flag.
-    let now = u32::from(TIM1.cnt().read().cnt());
-    let at = u32::from(TIM1.ccr(1).read().ccr());
-    let period = u32::from(TIM1.arr().read().arr()) + 1;
-    if TIM1.sr().read().ccif(1) {
-        return false;
-    }
-    let left = if at > now {
-        at - now
-    } else {
-        at + period - now
-    };
-    left >= guard
+    !RUNS.load(Ordering::Relaxed) || TIM1.sr().read().0 & (DUE | NEAR) == 0
 }
 
-/// Clears the interrupt flag. Returns the time since the sample in counts of TIM1's clock.
+/// Clears both flags. Returns the time since the sample in counts of TIM1's clock.
 pub fn acknowledge() -> u32 {
-    TIM1.sr().write_value(regs::SrAdv(!(1 << 2)));
+    TIM1.sr().write_value(regs::SrAdv(!(DUE | NEAR)));
     let prescaler = u32::from(TIM1.psc().read()) + 1;
     u32::from(TIM1.cnt().read().cnt()) * prescaler
 }
