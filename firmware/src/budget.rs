@@ -77,9 +77,14 @@ impl Budget {
     }
 }
 
-/// What tables the reference board can run.
+/// Time before a sample's interrupt in which nothing begins that masks interrupts, s: longer
+/// than each of the firmware's critical sections.
+pub const GUARD: f32 = 9e-6;
+
+/// What tables the reference board can run. At a higher rate, no time would be left between the
+/// end of a sample and [`GUARD`].
 pub const LIMITS: Limits = Limits {
-    rate: 50e3,
+    rate: 32e3,
     written: (11e-6, 27e-6),
     beside: false,
     codes: (AdcCode(i16::MAX), DacCode(u16::MAX)),

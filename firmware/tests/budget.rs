@@ -1,6 +1,6 @@
 //! The reference board's time, from the counted instructions.
 
-use firmware::budget::{Budget, LIMITS, READ};
+use firmware::budget::{Budget, GUARD, LIMITS, READ};
 use firmware::tables;
 
 /// Of the Cortex-M7 with a modal law and the loop closed, from the kept baseline.
@@ -12,16 +12,17 @@ fn instructions(of: &str) -> f64 {
     line.unwrap().parse().unwrap()
 }
 
-/// Every sample is ready before the earliest latch that the board admits, the longest ends
-/// before the next one's interrupt at its highest rate, and none begins to write before the
-/// board says so.
+/// Every sample is ready before the earliest latch that the board admits; at its highest rate
+/// the longest leaves a microsecond to the link, before the time in which it begins nothing; and
+/// none begins to write before the board says so.
 #[test]
 fn the_limits_hold_the_longest_sample() {
     let latch = instructions("closed latch");
     let longest = Budget::new(instructions("closed longest"), latch);
     let (begun, ended) = LIMITS.written;
     assert!(longest.ready() < ended.into(), "{longest:?}");
-    assert!(longest.busy() < 1.0 / f64::from(LIMITS.rate), "{longest:?}");
+    let left = 1.0 / f64::from(LIMITS.rate) - longest.busy() - f64::from(GUARD);
+    assert!(left > 1e-6, "{longest:?}");
     let usual = Budget::new(instructions("closed"), latch);
     assert!(f64::from(begun) < READ + usual.read, "{usual:?}");
     println!(

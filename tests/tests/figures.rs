@@ -8,13 +8,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use firmware::budget::{ADC_CLOCK, Budget, DAC_CLOCK, READ, SETUP};
+use firmware::budget::{ADC_CLOCK, Budget, DAC_CLOCK, GUARD, LIMITS, READ, SETUP};
 use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::vibration::{Floor, budget};
 use host_gen::closed_loop::Pole;
 use host_gen::control::table::coefficient;
 use host_gen::design::{Cache, Design, DesignedStudy, Search, Study};
-use host_gen::machine::{Board, FeedbackKind, Machine};
+use host_gen::machine::{FeedbackKind, Machine};
 use host_gen::plant::zeros::transmission_zeros;
 
 /// Figures in one place of a file.
@@ -53,12 +53,13 @@ fn force_zeros(study: &Study) -> [f64; 2] {
     [zeros[0], zeros[11]].map(|zero| Pole::from(zero).hz)
 }
 
-/// Instructions on the Cortex-M7 of what a row of the kept baseline names.
-fn instructions(of: &str) -> f64 {
+/// Instructions on the Cortex-M7 of what a row of the kept baseline names, with this law.
+fn instructions(law: &str, of: &str) -> f64 {
     let baseline = include_str!("../../firmware/instructions.txt");
+    let name = format!("mps2-an500 {law} {of} ");
     let mut lines = baseline.lines();
-    let line = lines.find_map(|line| line.strip_prefix("mps2-an500 ")?.strip_prefix(of));
-    line.unwrap().trim().parse().unwrap()
+    let line = lines.find_map(|line| line.strip_prefix(&name));
+    line.unwrap().parse().unwrap()
 }
 
 /// Open, ideal and sampled peak of the suspension band, then of the internal band, dB.
@@ -130,11 +131,12 @@ fn all() -> Vec<Figure> {
 
     let reference = &nucleo.study.machine().board;
     let quick = &fast.study.machine().board;
-    let (sample, longest) = (instructions("modal sample"), instructions("modal longest"));
-    let [usual_time, longest_time] = [sample, longest].map(Budget::new);
+    let [latch, sample, longest] =
+        ["closed latch", "closed", "closed longest"].map(|of| instructions("modal", of));
+    let [usual_time, longest_time] = [sample, longest].map(|whole| Budget::new(whole, latch));
     let after = |parts: &[f64]| us * (READ + parts.iter().sum::<f64>());
-    let load = |time: Budget, board: &Board| 100.0 * time.busy() / board.period();
-    let left = |board: &Board| us * (board.latch_delay - longest_time.ready());
+    let load = |time: Budget| 100.0 * time.busy() / reference.period();
+    let latch_time = usual_time.latch;
     let adc = 1.0 / reference.adc.lsb();
     let accelerometer = reference.accelerometer.unwrap().sensitivity;
     let force_sensor = reference.force_sensor.unwrap().sensitivity;
@@ -176,8 +178,8 @@ fn all() -> Vec<Figure> {
         figure(LOOP, "| low-parasitic, acceleration | {} | {} | {} Hz |", &row(low_acceleration)),
         figure(LOOP, "| force | {} | {} | {} Hz |", &row(low_force)),
         figure(LOOP, "| force | {} | {} | {} Hz | | both | {} | {} | {} Hz |", &[row(low_force), row(low_both)].concat()),
-        figure(LOOP, "twelve converter channels and {} % more instructions per step",
-            &[100.0 * (instructions("both step") / instructions("modal step") - 1.0)]),
+        figure(LOOP, "twelve converter channels and {} % more instructions per sample",
+            &[100.0 * (instructions("both", "closed") / instructions("modal", "closed") - 1.0)]),
         figure(LOOP, "sensor noise is {} % of the power that is left on a VC-C floor, instead of {} %",
             &[sensor_noise(both), sensor_noise(acceleration)]),
 
@@ -191,28 +193,30 @@ fn all() -> Vec<Figure> {
             &[reference.actuator_gain, 1.0 / (reference.dac.lsb() * reference.actuator_gain),
               reference.dac.reach(reference.actuator_gain), reference.force_limit]),
         figure(BOARD, "```text 0 {} {} {} {} {} T = {} µs",
-            &[after(&[]), after(&[longest_time.read]), after(&[longest_time.read, longest_time.compute]),
-              after(&[longest_time.busy()]), us * reference.latch_delay, us * reference.period()]),
+            &[after(&[]), after(&[usual_time.read]), after(&[usual_time.read, latch_time]),
+              after(&[usual_time.read, latch_time, usual_time.write]), us * reference.latch_delay, us * reference.period()]),
         figure(BOARD, "| convert | {} | {} |", &[us * READ; 2]),
         figure(BOARD, "| read 96 bits | {} | {} | {} MHz;",
             &[us * usual_time.read, us * longest_time.read, 1e-6 * ADC_CLOCK]),
-        figure(BOARD, "| compute | {} | {} | {} and {} instructions",
-            &[us * usual_time.compute, us * longest_time.compute, sample, longest]),
+        figure(BOARD, "| from codes to codes | {} | {} | {} instructions", &[us * latch_time, us * latch_time, latch]),
+        figure(BOARD, "| second half | {} | {} | {} and {} instructions",
+            &[us * usual_time.follow, us * longest_time.follow, sample - latch, longest - latch]),
         figure(BOARD, "| write 6 × 24 bits | {} | {} | {} MHz;",
             &[us * usual_time.write, us * longest_time.write, 1e-6 * DAC_CLOCK]),
         figure(BOARD, "| until LDAC | {} | {} |", &[us * f64::from(SETUP); 2]),
         figure(BOARD, "| **ready after** | **{}** | **{}** |", &[us * usual_time.ready(), us * longest_time.ready()]),
-        figure(BOARD, "| processor busy | {} | {} |", &[us * usual_time.busy(), us * longest_time.busy()]),
-        figure(BOARD, "| | {} kHz | {} kHz |", &[khz * reference.sample_rate, khz * quick.sample_rate]),
-        figure(BOARD, "| load, usual / longest | {} / {} % | {} / {} % |",
-            &[load(usual_time, reference), load(longest_time, reference), load(usual_time, quick), load(longest_time, quick)]),
-        figure(BOARD, "| latch after the sample | {} µs | {} µs,", &[us * reference.latch_delay, us * quick.latch_delay]),
-        figure(BOARD, "| margin before the latch | {} µs | {} µs |", &[left(reference), left(quick)]),
-        figure(BOARD, "| hold, half a period | {} µs | {} µs |", &[0.5 * us * reference.period(), 0.5 * us * quick.period()]),
-        figure(BOARD, "| whole delay | {} µs | {} µs |", &[us * reference.whole_delay(), us * quick.whole_delay()]),
-        figure(BOARD, "| suspension / internal band, dB | {} / {} | {} / {} |", &[bands(nucleo), bands(fast)].concat()),
-        figure(BOARD, "Use {} kHz. At {} kHz, {} % of the processor time is left for the link",
-            &[khz * reference.sample_rate, khz * quick.sample_rate, 100.0 - load(usual_time, quick)]),
+        figure(BOARD, "| **processor busy** | **{}** | **{}** |", &[us * usual_time.busy(), us * longest_time.busy()]),
+        figure(BOARD, "| | {} kHz |", &[khz * reference.sample_rate]),
+        figure(BOARD, "| load, usual / longest | {} / {} % |", &[usual_time, longest_time].map(load)),
+        figure(BOARD, "| latch after the sample | {} µs |", &[us * reference.latch_delay]),
+        figure(BOARD, "| margin before the latch | {} µs |", &[us * (reference.latch_delay - longest_time.ready())]),
+        figure(BOARD, "| hold, half a period | {} µs |", &[0.5 * us * reference.period()]),
+        figure(BOARD, "| whole delay | {} µs |", &[us * reference.whole_delay()]),
+        figure(BOARD, "| suspension / internal band, dB | {} / {} |", &bands(nucleo)),
+        figure(BOARD, "The highest rate is {} kHz: the link begins nothing in the {} µs before an interrupt",
+            &[khz * f64::from(LIMITS.rate), us * f64::from(GUARD)]),
+        figure(BOARD, "({} kHz, a whole delay of {} µs) is a design study: {} / {} dB",
+            &[khz * quick.sample_rate, us * quick.whole_delay(), bands(fast)[0], bands(fast)[1]]),
         figure(BOARD, "{} kHz, LDAC {} µs after CONVST", &[khz * reference.sample_rate, us * reference.latch_delay]),
         figure(BOARD, "Apply 1 V to one input after the other: {} on that channel", &[adc]),
     ];

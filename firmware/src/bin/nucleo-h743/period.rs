@@ -16,7 +16,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_stm32::pac::timer::{regs, vals};
 use embassy_stm32::pac::{RCC, TIM1};
-use firmware::budget::READ;
+use firmware::budget::{GUARD, READ};
 
 use crate::clocks::TIMER;
 
@@ -26,9 +26,6 @@ const PULSE: f32 = 1e-6;
 /// Shortest LDAC pulse, s: a latch that is later than this before the end of a period is moved
 /// there.
 const SHORTEST: f32 = 50e-9;
-
-/// Time before the interrupt in which no critical section begins, s.
-pub const GUARD: f32 = 9e-6;
 
 /// Flag of CC2, the interrupt.
 const DUE: u32 = 1 << 2;

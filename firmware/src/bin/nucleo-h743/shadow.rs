@@ -2,7 +2,7 @@
 //!
 //! A critical section masks every interrupt, so one that is still held when the sample's
 //! interrupt is due delays the loop. Below the loop's priority, a critical section therefore
-//! begins only if the interrupt is at least [`period::GUARD`] away, else after the sample. Every one of
+//! begins only if the interrupt is at least [`GUARD`](firmware::budget::GUARD) away, else after the sample. Every one of
 //! the image is shorter than that: requests of the link, the copy of the table once a second,
 //! reading an output back, one word of flash, a line of the log. The virtual board measures the
 //! longest.
