@@ -214,7 +214,7 @@ impl Spi {
                     }
                     self.left = self.tsize;
                 }
-                if value >> 9 & 1 != 0 && self.left == 0 {
+                if value & 1 != 0 && value >> 9 & 1 != 0 && self.left == 0 {
                     return Err("transfers of no fixed length are not modelled".to_owned());
                 }
                 self.begin(now);

@@ -25,6 +25,8 @@ pub struct Lab {
     pub board: Board,
     session: u32,
     sequence: u32,
+    /// Sessions so far: a number is not taken twice.
+    hellos: u32,
     cutter: Cutter,
 }
 
@@ -60,6 +62,7 @@ impl Lab {
             board,
             session: 0,
             sequence: 0,
+            hellos: 0,
             cutter: Cutter::new(),
         })
     }
@@ -96,7 +99,8 @@ impl Lab {
 
     /// A session of its own.
     pub fn hello(&mut self) -> Outcome {
-        let number = 7 + self.board.resets.len() as u32;
+        self.hellos += 1;
+        let number = self.hellos;
         self.session = 0;
         match self.ask(Request::Hello(number))? {
             Reply::Hello => Ok(()),
