@@ -235,7 +235,7 @@ impl Lab {
     }
 
     /// Runs until the sample interrupt is well inside its handler.
-    pub fn into_interrupt(&mut self) -> Outcome {
+    pub fn run_into_interrupt(&mut self) -> Outcome {
         let handler = self.function("TIM1_CC")?;
         if !self.board.run_to(handler, 10 * MILLISECOND)? {
             return Err("the interrupt does not come".into());
@@ -245,7 +245,7 @@ impl Lab {
     }
 
     /// Runs until thread mode.
-    pub fn into_main(&mut self) -> Outcome {
+    pub fn run_into_main(&mut self) -> Outcome {
         for _ in 0..1000 {
             if self.board.bus().nvic.running() == 0 {
                 return Ok(());
