@@ -106,7 +106,7 @@ impl Block {
             Self::Dbgmcu => plain(&dbgmcu::REGISTERS),
             Self::Dwt => plain(&dwt::REGISTERS),
             Self::Scs if offset == dwt::DEMCR.0 => dwt::DEMCR.1.to_owned(),
-            Self::Scs if offset < 0xD00 && offset >= 0x100 => {
+            Self::Scs if (0x100..0xD00).contains(&offset) => {
                 // A register of many: by its first and a number.
                 let first = nvic::REGISTERS.iter().rfind(|(at, _)| *at <= offset);
                 first.map_or_else(String::new, |(at, name)| {

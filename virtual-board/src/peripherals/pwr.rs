@@ -65,9 +65,9 @@ impl Pwr {
         let ready = u32::from(self.ready <= now) << 13;
         Ok(match offset {
             0x00 => self.cr1,
-            0x04 => 0x4000 & !(3 << 14) | ready | self.vos << 14,
             0x0C => self.cr3,
-            0x18 => ready | self.vos << 14,
+            // ACTVOSRDY, ACTVOS; VOSRDY, VOS.
+            0x04 | 0x18 => ready | self.vos << 14,
             _ => return unknown(),
         })
     }

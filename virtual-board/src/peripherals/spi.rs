@@ -245,7 +245,8 @@ impl Spi {
                     }
                     self.left = self.tsize;
                 }
-                if value >> 9 & 1 != 0 && self.is_endless() && self.comm() != TRANSMITTER {
+                let starts = value & 1 != 0 && value >> 9 & 1 != 0;
+                if starts && self.is_endless() && self.comm() != TRANSMITTER {
                     return Err("endless transfers that receive are not modelled".to_owned());
                 }
                 self.begin(now);

@@ -25,6 +25,8 @@ pub struct Lab {
     pub board: Board,
     session: u32,
     sequence: u32,
+    /// Sessions so far: a number is not taken twice.
+    hellos: u32,
     cutter: Cutter,
 }
 
@@ -60,6 +62,7 @@ impl Lab {
             board,
             session: 0,
             sequence: 0,
+            hellos: 0,
             cutter: Cutter::new(),
         })
     }
@@ -96,7 +99,8 @@ impl Lab {
 
     /// A session of its own.
     pub fn hello(&mut self) -> Outcome {
-        let number = 7 + self.board.resets.len() as u32;
+        self.hellos += 1;
+        let number = self.hellos;
         self.session = 0;
         match self.ask(Request::Hello(number))? {
             Reply::Hello => Ok(()),
@@ -231,7 +235,7 @@ impl Lab {
     }
 
     /// Runs until the sample interrupt is well inside its handler.
-    pub fn into_interrupt(&mut self) -> Outcome {
+    pub fn run_into_interrupt(&mut self) -> Outcome {
         let handler = self.function("TIM1_CC")?;
         if !self.board.run_to(handler, 10 * MILLISECOND)? {
             return Err("the interrupt does not come".into());
@@ -241,7 +245,7 @@ impl Lab {
     }
 
     /// Runs until thread mode.
-    pub fn into_main(&mut self) -> Outcome {
+    pub fn run_into_main(&mut self) -> Outcome {
         for _ in 0..1000 {
             if self.board.bus().nvic.running() == 0 {
                 return Ok(());

@@ -92,7 +92,7 @@ fn malformed_frames_on_the_line() -> Outcome {
 #[test]
 fn nobody_reads_the_log() -> Outcome {
     let mut lab = Lab::new()?;
-    for _ in 0..if long() { 300 } else { 30 } {
+    for _ in 0..if long() { 300 } else { 3 } {
         // A fault and its clearing are a message each.
         lab.board.bus_mut().adc.defect = Some(virtual_board::chips::ad7606::Defect::BusyHigh);
         lab.board.run(250 * MILLISECOND)?;

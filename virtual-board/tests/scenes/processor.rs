@@ -23,8 +23,8 @@ enum At {
 fn pushing(at: At) -> Outcome<Lab> {
     let mut lab = Lab::pushing()?;
     match at {
-        At::Main => lab.into_main()?,
-        At::Interrupt => lab.into_interrupt()?,
+        At::Main => lab.run_into_main()?,
+        At::Interrupt => lab.run_into_interrupt()?,
     }
     Ok(lab)
 }
