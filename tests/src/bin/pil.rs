@@ -70,15 +70,6 @@ struct Cli {
 /// The name of the reference board in software; any other is one of QEMU's.
 const VIRTUAL: &str = "virtual-h743";
 
-/// What instructions and accesses cost there: so little that every sample of the session is
-/// written before its latch, the multisine's of 20 lines too. The codes do not depend on it.
-const COST: [&str; 4] = [
-    "--cycles-per-instruction",
-    "0.2",
-    "--cycles-per-access",
-    "5",
-];
-
 /// A board that is silent for this long has stopped.
 const SILENCE: Duration = Duration::from_secs(60);
 
@@ -209,7 +200,6 @@ impl Board<'_> {
         if self.machine == VIRTUAL {
             command = Command::new(self.virtual_board);
             command.args(["--converters", converters, "--link", link]);
-            command.args(COST);
             command.arg(self.image);
         } else {
             command = Command::new("qemu-system-arm");

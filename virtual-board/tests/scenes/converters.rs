@@ -156,8 +156,8 @@ fn late_samples_are_a_fault() -> Outcome {
     let mut lab = Lab::pushing()?;
     let since = lab.board.now();
     lab.board.machine.set_cost(virtual_board::time::Cost {
-        instruction: 3.0,
-        access: 10.0,
+        instruction: 1.0,
+        access: 200.0,
     });
     lab.board.run(200 * MILLISECOND)?;
     let report = lab.report()?;

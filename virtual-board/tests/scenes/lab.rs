@@ -11,13 +11,6 @@ use virtual_board::time::{Cost, MILLISECOND, Ticks, in_seconds};
 
 pub type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 
-/// The costs at which a sample of the present image is written before its latch. At one
-/// cycle for an instruction and twenty for an access it is not.
-const COST: Cost = Cost {
-    instruction: 0.6,
-    access: 10.0,
-};
-
 /// Longest time until an answer.
 const ANSWER: Ticks = 5_000 * MILLISECOND;
 
@@ -55,7 +48,7 @@ impl Lab {
 
     /// A board on which power has just come on.
     pub fn off() -> Outcome<Self> {
-        let mut board = Board::new(image()?, COST)?;
+        let mut board = Board::new(image()?, Cost::DEFAULT)?;
         board.bus_mut().adc.noise = 3;
         board.record(&[]);
         Ok(Self {

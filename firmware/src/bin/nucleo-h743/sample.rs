@@ -137,10 +137,12 @@ impl Converters {
         let Some(codes) = BOARD.latch(reading) else {
             return;
         };
-        self.failed = match self.dac.write(codes) {
-            Ok(()) => 0,
-            Err(_) => self.failed + 1,
-        };
+        if self.sound {
+            self.failed = match self.dac.write(codes) {
+                Ok(()) => 0,
+                Err(_) => self.failed + 1,
+            };
+        }
     }
 
     /// Holds the DAC in reset if it is hopeless; switches the amplifiers on if all is well.

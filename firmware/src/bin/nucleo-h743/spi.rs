@@ -166,8 +166,7 @@ impl Transmitter {
             w.set_mbr(divider);
         });
         self.bit = bit(divider);
-        self.start(Comm::TRANSMITTER, 0);
-        self.registers.cr1().modify(|w| w.set_cstart(true));
+        self.restart();
     }
 
     fn stop(&self) {
@@ -195,7 +194,18 @@ impl Transmitter {
         while DWT::cycle_count().wrapping_sub(start) < FALLEN * self.bit {}
         let outcome = wait(start, PATIENCE * BITS * self.bit, || r.sr().read().txc());
         self.select.set_high();
+        if outcome.is_err() {
+            // Empties the queue.
+            self.restart();
+        }
         outcome
+    }
+
+    /// Back to transfers without end.
+    fn restart(&self) {
+        self.stop();
+        self.start(Comm::TRANSMITTER, 0);
+        self.registers.cr1().modify(|w| w.set_cstart(true));
     }
 
     /// Sends one frame and returns what came back.
@@ -219,9 +229,7 @@ impl Transmitter {
             w.set_modfc(true);
         });
         self.select.set_high();
-        self.stop();
-        self.start(Comm::TRANSMITTER, 0);
-        r.cr1().modify(|w| w.set_cstart(true));
+        self.restart();
         found
     }
 }
