@@ -1,11 +1,11 @@
 //! The gate: in the loop with a simulated plant, the board's sampling time stands still
 //! until the plant has answered.
 //!
-//! While the gate is closed, TIM1 is held at the end of its period (or at its first count,
-//! if it has just been started), and with it what measures samples against time: the cycle
-//! counter and the watchdog's count. So a debugger's freeze bits would hold them. The core, the
-//! link's port and the flash go on. This is the only way in which that mode differs from
-//! free running.
+//! While the gate is closed, TIM1 is held at the end of the LDAC pulse (or at its first count,
+//! if it has just been started, or at the end of a period without that pulse), and with it
+//! what measures samples against time: the cycle counter and the watchdog's count. So a
+//! debugger's freeze bits would hold them. The core, the link's port and the flash go on. This
+//! is the only way in which that mode differs from free running.
 
 use crate::time::Ticks;
 

@@ -138,7 +138,7 @@ pub struct Transmitter {
 /// Bits in the DAC's frame.
 const BITS: u32 = 8 * ad5676r::FRAME as u32;
 
-/// Bits after which TXC has certainly fallen.
+/// Bits after which TXC has certainly fallen; less than half a frame.
 const FALLEN: u32 = 8;
 
 /// Core cycles per bit above which a frame that is read begins with a pause of one bit: at a
@@ -190,8 +190,8 @@ impl Transmitter {
         r.txdr32().write_value(word);
         let start = DWT::cycle_count();
         // TXC falls some cycles of the kernel clock after the word was written, and rises with
-        // its end: until then it says nothing.
-        while DWT::cycle_count().wrapping_sub(start) < FALLEN * self.bit {}
+        // its end: until then it says nothing. The delay may take half of its cycles.
+        cortex_m::asm::delay(2 * FALLEN * self.bit);
         let outcome = wait(start, PATIENCE * BITS * self.bit, || r.sr().read().txc());
         self.select.set_high();
         if outcome.is_err() {
