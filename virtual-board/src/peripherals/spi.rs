@@ -171,7 +171,8 @@ impl Spi {
         let bytes = self.bytes();
         let rxp = self.rx.len() >= bytes;
         let txp = self.tx.len() + bytes <= FIFO && self.is_enabled();
-        let txc = self.ends.is_none() && (self.left == 0 || self.tx.is_empty());
+        let sent = self.tx.is_empty() || self.left == 0 && !self.is_endless();
+        let txc = self.ends.is_none() && sent;
         let word = u32::from(self.rx.len() >= 4) << 15;
         let level = if self.rx.len() < 4 {
             self.rx.len() as u32
