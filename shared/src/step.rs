@@ -1,7 +1,7 @@
 //! The controller step: raw ADC codes in, raw DAC codes out.
 //!
 //! Each sample starts with the AC coupling of the calibrated sensor values y. No average
-//! h follows a deviation beyond the limit [`Table::ac_limit`]:
+//! h follows a deviation beyond the limit [`Table::ac_limit`](crate::table::Table::ac_limit):
 //!
 //! ```text
 //! v   = y − h1      h1 += c_ac·bounded(v)       first high-pass
