@@ -37,14 +37,10 @@ pub struct Several {
 }
 
 impl Several {
+    /// The machines of the files, each with the feedback of its file.
     pub fn load(&self) -> Result<Vec<Machine>, MachineError> {
         let machines = self.models.iter().map(|model| Machine::load(model));
-        let machines = machines.collect::<Result<Vec<_>, _>>()?;
-        Ok(if self.by_feedback {
-            machines.iter().flat_map(Machine::by_feedback).collect()
-        } else {
-            machines
-        })
+        machines.collect()
     }
 }
 

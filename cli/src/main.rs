@@ -82,8 +82,8 @@ enum Command {
     ///
     /// Example: host-gen poles models/metrology-frame.toml
     Poles(Common),
-    /// Show the largest singular value of G11: without control, and with the ideal and
-    /// the sampled law for each kind of feedback (Fig. 5).
+    /// Show the largest singular value of G11: without control, with the ideal law for each
+    /// kind of feedback, and with the sampled law (Fig. 5).
     ///
     /// Example: host-gen sigma models/metrology-frame.toml --from 0.1 --to 300
     Sigma(SigmaArguments),

@@ -1,7 +1,6 @@
 //! Studies and their designs, with the progress of the search on a terminal.
 
-use std::env;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use host_gen::design::{Cache, Design, Effort, Search, Study};
 use host_gen::machine::Machine;
@@ -47,15 +46,13 @@ pub struct Searcher {
 }
 
 impl Searcher {
-    /// With `keep`, results are stored in the folder of the environment variable
-    /// `HOST_GEN_CACHE`, or else in the user's cache folder.
+    /// With `keep`, results are stored as [`Cache::from_environment`] says, or else in the user's
+    /// cache folder.
     pub fn new(keep: bool) -> Self {
-        let folder = || match env::var_os("HOST_GEN_CACHE") {
-            Some(folder) if !folder.is_empty() => Some(PathBuf::from(folder)),
-            _ => Some(dirs::cache_dir()?.join("host-gen")),
-        };
+        let of_user = || Some(Cache::at(dirs::cache_dir()?.join("host-gen")));
+        let cache = || Cache::from_environment().or_else(of_user);
         Self {
-            cache: keep.then(folder).flatten().map(Cache::at),
+            cache: keep.then(cache).flatten(),
         }
     }
 

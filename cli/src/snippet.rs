@@ -1,6 +1,7 @@
 //! A machine file's error as a terminal shows it: the line, and a caret under the entry.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+use host_gen::files::without_byte_order_mark;
 use host_gen::machine::MachineError;
 
 /// The error with its line, for a terminal. Where there is no terminal, the error's own
@@ -14,7 +15,7 @@ pub fn render(error: &MachineError, colour: bool) -> String {
     let mut group = Group::with_title(Level::ERROR.primary_title(title));
     if let (Some(text), Some(span)) = (error.text(), error.span()) {
         // A byte order mark would be a column of the first line.
-        let shown = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let shown = without_byte_order_mark(text);
         let mark = text.len() - shown.len();
         let span = span.start.saturating_sub(mark)..span.end.saturating_sub(mark);
         group = group.element(

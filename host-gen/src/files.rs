@@ -1,8 +1,13 @@
-//! Files that are there whole or not at all.
+//! Files: replaced whole or not at all, and read without what editors add.
 
 use std::fs::{self, Metadata, OpenOptions, Permissions};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+
+/// `text` without the byte order mark that some editors put before it.
+pub fn without_byte_order_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
+}
 
 /// Writes `bytes` to `path`, so that a reader never finds half of them: a temporary file in the
 /// same folder is renamed.

@@ -37,8 +37,7 @@ fn machine(name: &str) -> Machine {
 /// The designs of several machines, with what other steps of the whole test have found, where
 /// that is kept.
 fn designs(machines: Vec<Machine>) -> Vec<DesignedStudy> {
-    static KEPT: LazyLock<Option<Cache>> =
-        LazyLock::new(|| std::env::var_os("HOST_GEN_CACHE").map(Cache::at));
+    static KEPT: LazyLock<Option<Cache>> = LazyLock::new(Cache::from_environment);
     let search = Search {
         cache: KEPT.as_ref(),
         ..Search::FULL

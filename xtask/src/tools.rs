@@ -183,6 +183,10 @@ impl Crate {
         println!("building {name}, which takes some minutes");
         let mut command = crate::cargo();
         command.args(["install", name, "--version", version, "--locked"]);
+        // It runs for seconds and would be optimised for minutes.
+        for (setting, value) in [("OPT_LEVEL", "0"), ("LTO", "off"), ("CODEGEN_UNITS", "16")] {
+            command.env(format!("CARGO_PROFILE_RELEASE_{setting}"), value);
+        }
         run(command.args(["--root", ROOT]))?;
         Ok(own)
     }

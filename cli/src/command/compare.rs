@@ -4,6 +4,7 @@ use clap::Args;
 use host_gen::analysis::compare::MachineComparison;
 use host_gen::analysis::warnings::warnings;
 use host_gen::design::DesignedStudy;
+use host_gen::machine::Machine;
 
 use crate::arguments::{Format, Several};
 use crate::failure::{Failure, in_study};
@@ -20,7 +21,10 @@ pub struct CompareArguments {
 }
 
 pub fn compare(arguments: &CompareArguments, searcher: &Searcher) -> Result<(), Failure> {
-    let machines = arguments.several.load()?;
+    let mut machines = arguments.several.load()?;
+    if arguments.several.by_feedback {
+        machines = machines.iter().flat_map(Machine::by_feedback).collect();
+    }
     let studies = DesignedStudy::all(machines, &searcher.full(&Bar::search()))?;
     let comparison = MachineComparison::new(&studies);
     let comparison = comparison.map_err(in_study(&arguments.several.models[0]))?;

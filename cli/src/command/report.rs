@@ -37,13 +37,18 @@ pub struct ReportArguments {
 pub fn report(arguments: &ReportArguments, searcher: &Searcher) -> Result<(), Failure> {
     let machines = arguments.several.load()?;
     let bar = Bar::search();
-    let reports = machines
-        .iter()
-        .map(|machine| Report::new(machine, arguments.criterion, &searcher.full(&bar)));
-    let reports = reports.collect::<Result<Vec<_>, _>>();
-    drop(bar);
+    let (criterion, search) = (arguments.criterion, searcher.full(&bar));
     let of = in_study(&arguments.several.models[0]);
-    let review = reports.and_then(Review::new).map_err(of)?;
+    let mut reports = Vec::new();
+    for machine in &machines {
+        if arguments.several.by_feedback {
+            reports.extend(Report::by_feedback(machine, criterion, &search).map_err(&of)?);
+        } else {
+            reports.push(Report::new(machine, criterion, &search).map_err(&of)?);
+        }
+    }
+    drop(bar);
+    let review = Review::new(reports).map_err(of)?;
     let path = match &arguments.output {
         Some(path) => path.clone(),
         None => PathBuf::from(format!("{}-report.html", names(&machines))),

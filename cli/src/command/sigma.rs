@@ -27,6 +27,9 @@ pub struct SigmaArguments {
     /// Only these frequencies, Hz, separated by commas.
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["from", "to", "points"])]
     at: Vec<f64>,
+    /// Design and show the sampled law for each kind of feedback, not only for that of the file.
+    #[arg(long)]
+    by_feedback: bool,
 }
 
 pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Failure> {
@@ -43,7 +46,14 @@ pub fn sigma(arguments: &SigmaArguments, searcher: &Searcher) -> Result<(), Fail
     };
     let study = study(model)?;
     let machine = study.machine();
-    let studies = DesignedStudy::by_feedback(machine, &searcher.full(&Bar::search()))?;
+    let bar = Bar::search();
+    let search = searcher.full(&bar);
+    let studies = if arguments.by_feedback {
+        DesignedStudy::by_feedback(machine, &search)?
+    } else {
+        DesignedStudy::own_feedback(machine, Some(&search))?
+    };
+    drop(bar);
     let sigma = SigmaAnalysis::new(machine, &studies, frequencies).map_err(in_loop(model))?;
     print::warned(*format, &sigma, &warnings(&study))
 }

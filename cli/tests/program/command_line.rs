@@ -252,14 +252,32 @@ fn analysis_commands() {
     let sigma = run(&[
         "sigma", &model, "--from", "1", "--to", "100", "--points", "20",
     ]);
-    // Under the direct law force feedback has no loop at 1 Hz, and the reason is
-    // there.
-    assert_eq!(length(&sigma["curves"]), 4);
-    assert_eq!(length(&sigma["missing"]), 1);
+    let names = |sigma: &serde_json::Value| -> Vec<String> {
+        let curves = sigma["curves"].as_array().unwrap().iter();
+        curves
+            .map(|curve| curve["name"].as_str().unwrap().to_owned())
+            .collect()
+    };
+    let curves = [
+        "open",
+        "acceleration, ideal",
+        "acceleration, sampled",
+        "force, ideal",
+    ];
+    assert_eq!(names(&sigma), curves);
+    assert_eq!(
+        sigma["missing"],
+        serde_json::json!(["force, sampled: only designed with --by-feedback"])
+    );
     assert_eq!(
         length(&sigma["curves"][3]["sigma_max"]),
         length(&sigma["hz"])
     );
+    // Under the direct law force feedback has no loop at 1 Hz, and the reason is there.
+    let each = run(&["sigma", &model, "--at", "20", "--by-feedback"]);
+    assert_eq!(names(&each), curves);
+    let missing = each["missing"][0].as_str().unwrap();
+    assert!(missing.contains("no controller was found"), "{missing}");
     let at = run(&["sigma", &model, "--at", "20,13.9,100"]);
     assert_eq!(at["hz"], serde_json::json!([20.0, 13.9, 100.0]));
     for bad in [["--from", "0"], ["--to", "0.01"], ["--at", "1,-1"]] {
@@ -476,6 +494,10 @@ fn report_writes_page_and_pictures() {
     assert_eq!(count, 3 * 24);
     let json = json(&report(&[&model, "--format", "json"]));
     assert_eq!(json["machines"][0]["machine"], "metrology-frame");
+    let each = report(&[&model, "--by-feedback", "--format", "json"]);
+    let each = self::json(&each);
+    let kinds = [0, 1].map(|i| each["machines"][i]["feedback"].as_str().unwrap());
+    assert_eq!(kinds, ["acceleration", "force"]);
 
     fs::write(folder.path().join("bad.toml"), "format = 1\nmass = 2\n").unwrap();
     let refused = report(&["bad.toml", "--output", "bad.html"]);

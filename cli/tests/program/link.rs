@@ -60,7 +60,7 @@ fn a_session_over_tcp() {
 
     let study = Study::new(Machine::load(&model_path()).unwrap()).unwrap();
     // What the board's process has found just now, if results are kept.
-    let cache = std::env::var_os("HOST_GEN_CACHE").map(Cache::at);
+    let cache = Cache::from_environment();
     let search = Search {
         cache: cache.as_ref(),
         ..Search::FULL

@@ -1,11 +1,11 @@
 //! Machines side by side.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use shared::LEGS;
 
 use super::digest;
 use crate::closed_loop::Pole;
-use crate::design::{Design, DesignedStudy, Study, StudyError};
+use crate::design::{Design, DesignedStudy, NoDesign, Study, StudyError};
 use crate::machine::FeedbackKind;
 use crate::model::energy::{Kind, energies};
 
@@ -28,8 +28,16 @@ pub(crate) struct MachineColumn {
     /// Largest magnitude in the proportional gains: N/(m/s²), or without unit for force
     /// feedback.
     pub(crate) largest_gain: f64,
-    /// The design; none if no controller was found that reaches the target.
-    pub(crate) shaped: Option<Design>,
+    /// The design; `null` in JSON if there is none.
+    #[serde(serialize_with = "design_or_null")]
+    pub(crate) shaped: Result<Design, NoDesign>,
+}
+
+fn design_or_null<S: Serializer>(
+    design: &Result<Design, NoDesign>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    design.as_ref().ok().serialize(serializer)
 }
 
 impl MachineComparison {
@@ -79,7 +87,7 @@ impl MachineColumn {
             acceleration_zeros_hz: zeros(FeedbackKind::Acceleration)?,
             force_zeros_hz: zeros(FeedbackKind::Force)?,
             largest_gain: study.gains().proportional.amax(),
-            shaped: design.as_ref().ok().cloned(),
+            shaped: design.clone(),
         })
     }
 }

@@ -16,6 +16,7 @@ use shared::table::ValidTable;
 use super::criterion::{Criterion, third_centres, third_edges};
 use crate::closed_loop::SampledLoop;
 use crate::control::LinearLaw;
+use crate::files::without_byte_order_mark;
 use crate::machine::Board;
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::grid;
@@ -114,8 +115,7 @@ impl FromStr for Spectrum {
     /// If a line is not two numbers, a frequency is not above 0 and above the one before it, a
     /// density is not from 0 to [`STRONGEST`], or there are fewer than two points.
     fn from_str(text: &str) -> Result<Self, SpectrumError> {
-        // Some editors begin a file with it.
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let text = without_byte_order_mark(text);
         let mut points: Vec<(f64, f64)> = Vec::new();
         for (i, line) in text.lines().enumerate() {
             let at_line = |message| SpectrumError {

@@ -44,7 +44,8 @@ impl IdealLoop {
     }
 }
 
-/// The ideal law C(jω) of σ = C(jω)·y at `hz`, Hz, 6×6: H_acc of Eq. (21) or H_f of Eq. (22).
+/// The ideal law C(jω) of σ = C(jω)·y at `hz`, Hz, 6×6: H_acc = −(K_a + K_v/s) of Eq. (21) or
+/// H_f = −(K_P + K_I/s) of Eq. (22) at s = jω.
 ///
 /// The unit is N per unit of the sensor.
 pub fn ideal_response(gains: &Gains, hz: f64) -> Control {

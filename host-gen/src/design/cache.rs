@@ -66,6 +66,13 @@ impl Cache {
         }
     }
 
+    /// The cache in the folder of the environment variable `HOST_GEN_CACHE`; none if it is not set
+    /// or empty.
+    pub fn from_environment() -> Option<Self> {
+        let folder = std::env::var_os("HOST_GEN_CACHE")?;
+        (!folder.is_empty()).then(|| Self::at(folder))
+    }
+
     fn path(&self, key: &Key) -> PathBuf {
         self.folder.join(&key.0).with_extension("json")
     }

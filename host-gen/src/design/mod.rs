@@ -87,18 +87,53 @@ impl Search<'_> {
 pub struct DesignedStudy {
     /// The study.
     pub study: Study,
-    /// The design, or the text of the error.
-    pub design: Result<Design, String>,
+    /// The design, or why there is none.
+    pub design: Result<Design, NoDesign>,
+}
+
+/// Why a study has no design.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum NoDesign {
+    /// The search failed.
+    #[error(transparent)]
+    Failed(#[from] DesignError),
+    /// The search has not ended.
+    #[error("the search is not finished")]
+    Unfinished,
+    /// Only the machine's own kind of feedback is designed.
+    #[error("only designed with --by-feedback")]
+    OtherKind,
 }
 
 impl DesignedStudy {
     /// Designs the loop of `study`.
     pub fn new(study: Study, search: &Search<'_>) -> Self {
-        let design = search.design(&study);
         Self {
-            design: design.map_err(|error| error.to_string()),
+            design: search.design(&study).map_err(NoDesign::Failed),
             study,
         }
+    }
+
+    /// Studies for the same kinds as [`Self::by_feedback`]. Only that with the machine's own kind
+    /// of feedback is designed, with `search`; without `search`, it is [`NoDesign::Unfinished`].
+    ///
+    /// # Errors
+    /// [`MachineError`] if a machine gives no valid model.
+    pub fn own_feedback(
+        machine: &Machine,
+        search: Option<&Search<'_>>,
+    ) -> Result<Vec<Self>, MachineError> {
+        let studied = |kind: Machine| {
+            let own = kind.target.feedback == machine.target.feedback;
+            let study = Study::new(kind)?;
+            let design = match search {
+                _ if !own => Err(NoDesign::OtherKind),
+                None => Err(NoDesign::Unfinished),
+                Some(search) => search.design(&study).map_err(NoDesign::Failed),
+            };
+            Ok(Self { study, design })
+        };
+        machine.by_feedback().into_iter().map(studied).collect()
     }
 
     /// Designs for each kind of feedback that the machine has sensors for: acceleration,

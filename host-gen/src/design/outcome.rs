@@ -100,7 +100,7 @@ pub struct Band {
 }
 
 /// Errors of the search for a design.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 pub enum DesignError {
     /// The board's parameters give no valid table.
     #[error("the board's parameters give no valid table: {0}")]

@@ -4,6 +4,8 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use crate::files::without_byte_order_mark;
+
 /// What is wrong with a machine, where, and how to fix it.
 ///
 /// Displayed, it is one line: `FILE:LINE:COLUMN: ENTRY: MESSAGE; FIX`, each part where it
@@ -65,7 +67,7 @@ impl MachineError {
     pub fn place(&self) -> Option<(usize, usize)> {
         let Place { text, span } = &**self.place.as_ref()?;
         let before = text.get(..span.start).unwrap_or(text);
-        let before = before.strip_prefix(BYTE_ORDER_MARK).unwrap_or(before);
+        let before = without_byte_order_mark(before);
         let line = before.matches('\n').count() + 1;
         let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
         Some((line, column))
@@ -117,9 +119,6 @@ impl MachineError {
         }
     }
 }
-
-/// Some editors begin a file with it.
-const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// An error before its place is known.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -493,7 +493,7 @@ impl FeedbackKind {
     }
 }
 
-/// A name that is none of a kind of feedback.
+/// Error: a name is not that of a kind of feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a kind of feedback: write acceleration, force or both")]
 pub struct UnknownFeedback;

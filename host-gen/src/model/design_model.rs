@@ -40,7 +40,8 @@ pub struct DesignModel {
 
 impl DesignModel {
     /// The design model of `machine` with the sensors of `feedback`, and the matrix S that
-    /// decouples its modes, Eq. (17).
+    /// decouples its modes, Eq. (17): the solutions v of K_d·v = ω²·M_d·v as columns, with
+    /// vᵀ·M_d·v = 1.
     ///
     /// `model` is the multibody model of the same machine.
     ///

@@ -41,8 +41,9 @@ pub struct Multibody {
     /// Φ, 6n×6: motion of the bodies from the motion of the base if no beam deforms. The base
     /// motion is the translation at C, the mean position of the nodes, m, and the rotation, rad.
     pub ride: MatrixXx6<f64>,
-    /// R, 6×6: floor inputs q_r of Eq. (8), m, from base motion, that is, the translation at C, m,
-    /// and the rotation, rad.
+    /// R, 6×6: displacements q_r of the floor inputs, m, from base motion, that is, the
+    /// translation at C, m, and the rotation, rad. Between their accelerations, of which q̈_r is
+    /// Eq. (8), the matrix is the same.
     pub floor: Matrix6<f64>,
     /// E_d, 6n×6n: the degrees of freedom q_d of Eq. (7), m, from body coordinates.
     pub coordinates: DMatrix<f64>,
@@ -173,8 +174,8 @@ fn axis(motion: &[f64]) -> String {
 }
 
 impl Multibody {
-    /// Assembles M, D and K of Eq. (1), the degrees of freedom q_d of Eq. (7), and the floor
-    /// inputs q_r of Eq. (8).
+    /// Assembles M, D and K of Eq. (1), the degrees of freedom q_d of Eq. (7), and the
+    /// displacements q_r whose accelerations q̈_r are the floor inputs of Eq. (8).
     ///
     /// # Errors
     /// If the deformations in q_d depend on each other, the floor inputs do not determine the

@@ -70,6 +70,8 @@ impl Plant {
         let count = machine.performance.len();
         let mut out = Outputs::zeros(sensors + count + 2 * LEGS + 3, n);
         if design.feedback != FeedbackKind::Force {
+            // Eq. (12): the absolute acceleration of a node, that is, relative to the base plus that
+            // of the base.
             let all = machine.accelerometers.iter().flatten();
             for (i, sensor) in all.enumerate() {
                 let (relative, ride) = model.direction(machine, sensor);

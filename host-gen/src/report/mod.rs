@@ -16,7 +16,7 @@ use crate::analysis::vibration::{Floor, both_budgets};
 use crate::analysis::warnings::{Statement, warnings};
 use crate::analysis::zeros::ZeroAnalysis;
 use crate::control::LinearLaw;
-use crate::design::{DesignedStudy, Search, Study, StudyError};
+use crate::design::{DesignedStudy, NoDesign, Search, StudyError};
 use crate::machine::{FeedbackKind, Machine};
 use crate::simulate::run::{Comparison, compare};
 use crate::simulate::session::{Phase, history};
@@ -103,17 +103,12 @@ impl Report {
     /// [`StudyError`] if the machine gives no valid model or an eigenvalue iteration does
     /// not converge.
     pub fn quick(machine: &Machine) -> Result<Self, StudyError> {
-        let none = |machine| {
-            let study = Study::new(machine)?;
-            let design = Err("the search is not finished".to_owned());
-            Ok::<_, StudyError>(DesignedStudy { study, design })
-        };
-        let studies = machine.by_feedback().into_iter().map(none);
-        Self::of(machine, &studies.collect::<Result<Vec<_>, _>>()?, None)
+        Self::of(machine, &DesignedStudy::own_feedback(machine, None)?, None)
     }
 
-    /// The full report, with designs from `search` and the floor at the limit of
-    /// `criterion`.
+    /// The full report, with the design from `search` and the floor at the limit of
+    /// `criterion`. Of the kinds of feedback that the machine's file does not ask for, it
+    /// shows what needs no design.
     ///
     /// # Errors
     /// [`StudyError`] if the machine gives no valid model or an eigenvalue iteration does
@@ -123,8 +118,23 @@ impl Report {
         criterion: Criterion,
         search: &Search<'_>,
     ) -> Result<Self, StudyError> {
-        let studies = DesignedStudy::by_feedback(machine, search)?;
+        let studies = DesignedStudy::own_feedback(machine, Some(search))?;
         Self::of(machine, &studies, Some(criterion))
+    }
+
+    /// As [`Report::new`], a report on the machine with each kind of feedback. Each report
+    /// shows the designs of all kinds.
+    ///
+    /// # Errors
+    /// As [`Report::new`].
+    pub fn by_feedback(
+        machine: &Machine,
+        criterion: Criterion,
+        search: &Search<'_>,
+    ) -> Result<Vec<Self>, StudyError> {
+        let studies = DesignedStudy::by_feedback(machine, search)?;
+        let report = |own: &DesignedStudy| Self::of(own.study.machine(), &studies, Some(criterion));
+        studies.iter().map(report).collect()
     }
 
     fn of(
@@ -202,7 +212,7 @@ impl Report {
             gains: gains.map(GainAnalysis::new).collect::<Result<_, _>>()?,
             zeros: ZeroAnalysis::new(machine)?,
             closed,
-            missing: own.design.as_ref().err().cloned(),
+            missing: own.design.as_ref().err().map(NoDesign::to_string),
             charts,
             drawings: charts::drawings(study),
             statements: machine.provenance.iter().map(Statement::new).collect(),

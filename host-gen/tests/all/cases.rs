@@ -7,13 +7,13 @@ use std::path::PathBuf;
 use host_gen::closed_loop::{SampledLoop, ideal_poles};
 use host_gen::design::outcome::{Advice, Refusal};
 use host_gen::design::study::Growth;
-use host_gen::design::{DesignError, Effort, Search, Study};
+use host_gen::design::{DesignError, Study};
 use host_gen::machine::{FeedbackKind, Machine};
 use host_gen::model::design_model::Reduction;
 use host_gen::plant::Plant;
 use nalgebra::Complex;
 
-use crate::common::search;
+use crate::common::{rough, search};
 
 fn path(name: &str) -> PathBuf {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
@@ -33,14 +33,6 @@ fn edited_case(name: &str, edits: &[(&str, &str)]) -> Study {
         text = text.replace(from, to);
     }
     Study::new(Machine::parse(&path, &text).unwrap()).unwrap()
-}
-
-/// A search of a few seconds.
-fn rough() -> Search<'static> {
-    Search {
-        effort: Effort::Rough,
-        ..search()
-    }
 }
 
 fn refusal(study: &Study) -> Refusal {
@@ -266,7 +258,7 @@ fn an_accepted_target_is_reached() {
 #[test]
 fn a_target_far_below_reach_is_refused() {
     // Asked for 1 Hz, it says the same, after a longer search.
-    let edit = [("frequency = 1\n", "frequency = 40\n")];
+    let edit = [("frequency = 1\n", "frequency = 52\n")];
     let refusal = refusal(&edited_case("machines/stiff-legs.toml", &edit));
     let Advice::Nearest(hz) = refusal.advice else {
         panic!("{refusal}");

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::{LazyLock, Mutex, OnceLock};
 
 use host_gen::control::LinearLaw;
-use host_gen::design::{Cache, Design, DesignError, Search, Study};
+use host_gen::design::{Cache, Design, DesignError, Effort, Search, Study};
 use host_gen::machine::{Machine, MachineError};
 use nalgebra::Matrix6;
 use shared::table::ValidTable;
@@ -49,11 +49,18 @@ impl<T> Made<T> {
 
 /// A search that uses what other steps of the whole test have found, where that keeps it.
 pub fn search() -> Search<'static> {
-    static KEPT: LazyLock<Option<Cache>> =
-        LazyLock::new(|| std::env::var_os("HOST_GEN_CACHE").map(Cache::at));
+    static KEPT: LazyLock<Option<Cache>> = LazyLock::new(Cache::from_environment);
     Search {
         cache: KEPT.as_ref(),
         ..Search::FULL
+    }
+}
+
+/// The same with a search of a few seconds, where the claim is the same for any search.
+pub fn rough() -> Search<'static> {
+    Search {
+        effort: Effort::Rough,
+        ..search()
     }
 }
 

@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 use std::fs;
 use std::path::Path;
 
-use crate::common::{model_path, model_text, search};
+use crate::common::{model_path, model_text, rough};
 use host_gen::design::Study;
 use host_gen::machine::schema::schema;
 use host_gen::machine::{FeedbackKind, Machine};
@@ -72,7 +72,7 @@ fn the_usual_machine_has_a_controller() {
             mounts,
             ..Outline::default()
         });
-        let design = search().design(&study).unwrap();
+        let design = rough().design(&study).unwrap();
         assert!(design.isolation_from_hz < 1.5, "{design:?}");
     }
 }

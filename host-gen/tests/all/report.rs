@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use crate::common::{edited, looped_frame, model_path, parse, search, set, study};
 use host_gen::analysis::criterion::Criterion;
-use host_gen::design::Study;
+use host_gen::design::{Cache, Search, Study};
 use host_gen::machine::Machine;
 use host_gen::report::chart::{Chart, Scale, Style};
 use host_gen::report::page::page;
@@ -321,9 +321,19 @@ fn warnings_and_what_is_missing() {
     assert!(warnings.contains("buckles"), "{warnings}");
     assert!(report["closed"].is_null());
     assert_eq!(report["files"].as_array().unwrap().len(), 2);
-    // Both kinds, neither with its loop yet.
-    let missing = report["not_shown"].to_string();
-    assert!(missing.contains("force, sampled"), "{missing}");
+    // No kind has its loop yet, and only that of the file will have one.
+    let missing = report["not_shown"].as_array().unwrap();
+    let ends: Vec<_> = missing
+        .iter()
+        .map(|missing| missing.as_str().unwrap().split_once(": ").unwrap())
+        .collect();
+    for (curve, reason) in [
+        ("acceleration, sampled", "only designed with --by-feedback"),
+        ("force, sampled", "the search is not finished"),
+        ("both, sampled", "only designed with --by-feedback"),
+    ] {
+        assert!(ends.contains(&(curve, reason)), "{missing:?}");
+    }
 
     let machine = parse(&edited(&[("control.feedback", "\"force\"")]));
     let report = Report::new(&machine.unwrap(), Criterion::VcC, &search()).unwrap();
@@ -333,6 +343,40 @@ fn warnings_and_what_is_missing() {
         reason.contains("no controller was found that reaches"),
         "{reason}"
     );
+}
+
+/// A report designs the kind of feedback that the file asks for, whatever other designs are
+/// kept; by feedback, it designs each kind once.
+#[test]
+fn other_kinds_are_designed_by_feedback_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = Cache::at(folder.path());
+    let search = Search {
+        cache: Some(&cache),
+        ..Search::FULL
+    };
+    let searches = || std::fs::read_dir(folder.path()).unwrap().count();
+    let machine = parse(&edited(&[])).unwrap();
+    let alone = || {
+        let report = Report::new(&machine, Criterion::VcC, &search).unwrap();
+        Review::new(vec![report]).unwrap().json()
+    };
+    let first = alone();
+    assert_eq!(searches(), 1);
+    let each = Report::by_feedback(&machine, Criterion::VcC, &search).unwrap();
+    assert_eq!(searches(), 2);
+    assert_eq!(alone(), first);
+
+    let not_shown = |json: &Value, i: usize| json["machines"][i]["not_shown"].to_string();
+    let first: Value = serde_json::from_str(&first).unwrap();
+    let expected = r#"["force, sampled: only designed with --by-feedback"]"#;
+    assert_eq!(not_shown(&first, 0), expected);
+    let each = value(&Review::new(each).unwrap());
+    for (i, kind) in ["acceleration", "force"].into_iter().enumerate() {
+        assert_eq!(each["machines"][i]["feedback"], kind);
+        let missing = not_shown(&each, i);
+        assert!(missing.contains("no controller was found"), "{missing}");
+    }
 }
 
 /// The drawing of a mode moves nodes along the model's shape: in the plane of the

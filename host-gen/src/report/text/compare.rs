@@ -4,10 +4,19 @@ use std::fmt::{self, Display, Formatter};
 
 use super::aligned::write_table;
 use crate::analysis::compare::{MachineColumn, MachineComparison};
-use crate::design::{Band, Design};
+use crate::design::{Band, Design, DesignError, NoDesign};
 
 /// One of a band's levels, dB.
 type Level = fn(&Band) -> f64;
+
+/// What stands in the place of a design's figures.
+fn without(reason: &NoDesign) -> &'static str {
+    match reason {
+        NoDesign::Failed(DesignError::Unreachable { .. }) => "unreachable",
+        NoDesign::Failed(DesignError::Falls { .. }) => "falls",
+        _ => "no design",
+    }
+}
 
 impl Display for MachineComparison {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
@@ -43,7 +52,7 @@ impl Display for MachineComparison {
         let of_loop = |c: &MachineColumn, cell: &dyn Fn(&Design) -> String| {
             c.shaped
                 .as_ref()
-                .map_or_else(|| "unreachable".to_owned(), cell)
+                .map_or_else(|reason| without(reason).to_owned(), cell)
         };
         line(&mut rows, "peak sensitivity", &|c| {
             of_loop(c, &|r| format!("{:.3}", r.peak_sensitivity.value))
@@ -54,7 +63,7 @@ impl Display for MachineComparison {
         line(&mut rows, "the same, ideal loop, Hz", &|c| {
             of_loop(c, &|r| format!("{:.2}", r.isolation_from_ideal_hz))
         });
-        let bands = self.machines.iter().filter_map(|c| c.shaped.as_ref());
+        let bands = self.machines.iter().filter_map(|c| c.shaped.as_ref().ok());
         let names: Vec<_> = bands
             .flat_map(|r| r.bands.iter().map(|band| band.name.clone()))
             .fold(Vec::new(), |mut names, name| {

@@ -59,7 +59,7 @@ fn run(cli: &Cli) -> Result<()> {
 
     let machine = Machine::load(Path::new(MODEL))?;
     // Other steps of the whole test have searched for these already.
-    let cache = std::env::var_os("HOST_GEN_CACHE").map(Cache::at);
+    let cache = Cache::from_environment();
     let search = Search {
         cache: cache.as_ref(),
         ..Search::FULL

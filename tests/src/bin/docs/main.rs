@@ -259,14 +259,26 @@ impl Session {
         Ok(String::from_utf8(output.stdout)?)
     }
 
-    /// Begins a command that goes on, and waits for the address that it prints.
+    /// Begins a command that goes on, and waits for the address that it prints. `watch` has
+    /// searched then, so that the commands after it do not search for the same beside it.
     fn begin(&mut self, line: &str) -> Result<()> {
         let mut child = self.command(line)?.stdout(Stdio::piped()).spawn()?;
         let output = child.stdout.take().context("no output")?;
         self.background.push(child);
         let mut lines = BufReader::new(output).lines();
-        let ready = lines.any(|line| line.is_ok_and(|line| line.contains("127.0.0.1:")));
-        ensure!(ready, "it says no address");
+        let mut waits_for = |what: &str| -> Result<()> {
+            let mut said = lines.by_ref().map_while(Result::ok);
+            let last = said.find(|line| line.contains(what) || line.contains("failed"));
+            ensure!(
+                last.as_ref().is_some_and(|line| line.contains(what)),
+                "it does not say {what}, but {last:?}"
+            );
+            Ok(())
+        };
+        waits_for("127.0.0.1:")?;
+        if line.contains(" watch ") {
+            waits_for("up to date")?;
+        }
         // What else it says is read, so that it does not wait for that.
         std::thread::spawn(move || lines.for_each(drop));
         Ok(())
