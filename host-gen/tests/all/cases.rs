@@ -258,7 +258,7 @@ fn an_accepted_target_is_reached() {
 #[test]
 fn a_target_far_below_reach_is_refused() {
     // Asked for 1 Hz, it says the same, after a longer search.
-    let edit = [("frequency = 1\n", "frequency = 52\n")];
+    let edit = [("frequency = 1\n", "frequency = 40\n")];
     let refusal = refusal(&edited_case("machines/stiff-legs.toml", &edit));
     let Advice::Nearest(hz) = refusal.advice else {
         panic!("{refusal}");
