@@ -2,6 +2,7 @@
 //! the library's source, a linker, and the emulator.
 
 use std::env;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -121,9 +122,12 @@ pub fn chromium(install: bool) -> Outcome<()> {
 
 /// What the virtual board's emulator is built with: cmake, and libclang for its bindings.
 pub fn emulator(install: bool) -> Outcome<()> {
-    let clang = Path::new("/usr/lib/llvm-14/lib/libclang-14.so.1").is_file()
-        || env::var_os("LIBCLANG_PATH").is_some()
-        || on_path("llvm-config");
+    // With it come the compiler's own headers, which the library alone does not have.
+    let packaged = fs::read_dir("/usr/lib").into_iter().flatten().flatten();
+    let clang = env::var_os("LIBCLANG_PATH").is_some()
+        || packaged
+            .map(|folder| folder.path().join("lib/libclang.so"))
+            .any(|library| library.is_file());
     let mut packages = Vec::new();
     if !on_path("cmake") {
         packages.push("cmake");
@@ -228,7 +232,7 @@ fn compiler() -> Option<(Compiler, Option<&'static str>)> {
 
 /// LLVM's linker by name, unless the compiler brings it along.
 fn linker(sysroot: &Path) -> Option<&'static str> {
-    let own = std::fs::read_dir(sysroot.join("lib/rustlib"))
+    let own = fs::read_dir(sysroot.join("lib/rustlib"))
         .into_iter()
         .flatten()
         .flatten()
