@@ -277,8 +277,10 @@ fn a_closed_pipe_is_no_error() {
             .output()
             .unwrap();
         let error = String::from_utf8(output.stderr).unwrap();
+        // On a busy machine the command says what it waits for.
+        let waits = |line: &str| line.is_empty() || line.contains(": waiting for ");
         assert!(
-            output.status.success() && error.is_empty(),
+            output.status.success() && error.lines().all(waits),
             "{command}: {error}"
         );
         let head = String::from_utf8(output.stdout).unwrap();
