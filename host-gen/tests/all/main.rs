@@ -17,4 +17,5 @@ mod outline;
 mod report;
 mod robustness;
 mod sampled_loop;
+mod soft_start;
 mod spectrum;

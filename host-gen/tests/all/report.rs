@@ -7,7 +7,7 @@ use crate::common::{edited, looped_frame, model_path, parse, search, set, study}
 use host_gen::analysis::criterion::Criterion;
 use host_gen::design::{Cache, Search, Study};
 use host_gen::machine::Machine;
-use host_gen::report::chart::{Chart, Scale, Style};
+use host_gen::report::chart::{Chart, Scale, Series, Style};
 use host_gen::report::page::page;
 use host_gen::report::plots::{csv, png, svg};
 use host_gen::report::{Report, Review};
@@ -126,6 +126,31 @@ fn charts_peak_where_the_design_says() {
     );
 }
 
+/// The chart of vibration is in µm/s: VC-C is 12.5 µm/s from 8 Hz on (its published limit), and far
+/// below the suspension, f_1, the frame without control follows a floor at this limit, as one mode
+/// at f_1 or above would.
+#[test]
+fn vibration_without_control_is_that_of_the_floor() {
+    let series = |name: &str| {
+        let all = &chart(frame(), "vibration").series;
+        all.iter().find(|series| series.name == name).unwrap()
+    };
+    let [open, limit] = ["open", "VC-C"].map(series);
+    let at = |series: &Series, hz: f64| {
+        let i = series.x.iter().position(|x| (x / hz - 1.0).abs() < 0.03);
+        series.y[i.unwrap()]
+    };
+    for hz in [8.0, 80.0] {
+        assert!((at(limit, hz) / 12.5 - 1.0).abs() < 0.01);
+    }
+    let lowest = study(&edited(&[])).model().modes().hertz()[0];
+    for hz in [4.0, 5.0] {
+        let follows = at(open, hz) / at(limit, hz);
+        let most = 1.0 / (1.0 - (hz * 1.1 / lowest).powi(2));
+        assert!((1.0..most).contains(&follows), "{hz} Hz: {follows}, {most}");
+    }
+}
+
 /// A session: rest, self-test, rest, soft start, closed. Its end against the
 /// standard run, which has other code for the loop and another stretch of the
 /// floor: root mean squares over four seconds of noise agree to a quarter.
@@ -230,7 +255,7 @@ fn pictures_show_their_series() {
 /// where its axes' labels put it.
 #[test]
 fn axes_of_pictures_are_true() {
-    use host_gen::report::chart::{Axis, Colour, Series};
+    use host_gen::report::chart::{Axis, Colour};
     let points = [(1.0, 0.0), (10.0, 5.0), (100.0, 10.0)];
     let chart = Chart {
         id: "true",
