@@ -3,9 +3,8 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
-use shared::controller::Refusal;
+use shared::controller::{Memory, Refusal};
 use shared::link::{Answer, Cutter, FRAME, FrameError, Job, Server, encode};
-use shared::recorder::Record;
 use shared::table::{Limits, ValidTable};
 
 use crate::loop_task::BoardController;
@@ -32,15 +31,15 @@ pub struct LinkTask<F: NorFlash> {
 
 impl<F: NorFlash> LinkTask<F> {
     /// Starts `board` with the stored table, or with the one compiled in, `entry`, if there is
-    /// no stored table that this board can run. `room` is the memory of the recorder.
+    /// no stored table that this board can run.
     pub fn begin(
         board: &BoardController,
         entry: &'static Entry,
         limits: Limits,
         mut store: Option<Store<F>>,
-        room: &'static mut [Record],
+        memory: Memory<'static>,
     ) -> Self {
-        board.begin(entry, room);
+        board.begin(entry, memory);
         let kept = store.as_mut().and_then(Store::table);
         if let Some((table, checksum)) = kept
             && limits.admit(&table).is_ok()

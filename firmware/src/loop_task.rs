@@ -5,8 +5,7 @@ use core::cell::RefCell;
 use critical_section::Mutex;
 use shared::LEGS;
 use shared::codes::DacCode;
-use shared::controller::{Controller, Reading};
-use shared::recorder::Record;
+use shared::controller::{Controller, Memory, Reading};
 
 use crate::tables::Entry;
 
@@ -24,9 +23,9 @@ impl BoardController {
         Self(Mutex::new(RefCell::new(None)))
     }
 
-    /// Creates the controller for the table of `entry`. `room` is the memory of the recorder.
-    pub fn begin(&self, entry: &Entry, room: &'static mut [Record]) {
-        let controller = Controller::new(*entry.table, entry.checksum, room);
+    /// Creates the controller for the table of `entry`.
+    pub fn begin(&self, entry: &Entry, memory: Memory<'static>) {
+        let controller = Controller::new(*entry.table, entry.checksum, memory);
         critical_section::with(|cs| self.0.borrow_ref_mut(cs).replace(controller));
     }
 

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{DacCode, LegForces, Samples};
-use crate::injection::{Injection, Injector, UNASKED};
-use crate::monitors::Monitors;
+use crate::injection::{Injection, Injector, Next, Point, Signal, UNASKED};
+use crate::monitors::{Monitors, Sight};
 use crate::recorder::{Record, Recorded, Recorder, Recording};
-use crate::self_test::{Course, Probe, Verdict};
+use crate::self_test::{Answer, Course, Probe, Verdict};
 use crate::step::{Ahead, Demand, Latched, State, Status, follow, larger};
 use crate::supervisor::{Cause, Event, GENTLE, LatchedFault, Mode, QUIET};
 use crate::table::{ModelDigest, TableError, ValidTable};
@@ -163,6 +163,10 @@ pub const SNAPSHOT: usize = 64;
 /// A leg force above this fraction of its limit makes a soft start lower the gain.
 const HARD: f32 = 0.5;
 
+/// Forces that decay below this fraction of the limit are dropped: less than half a code of a DAC of
+/// sixteen bits.
+const NOTHING: f32 = 1e-5;
+
 /// Number of failed pilots, with none passed in between, that is a fault. A shock can make
 /// one fail, but not the next one too.
 const STRIKES: u32 = 2;
@@ -170,7 +174,26 @@ const STRIKES: u32 = 2;
 /// Length of the telemetry queue.
 const WAITING: usize = 8;
 
-/// The controller of a board. Its recorder uses memory given by the caller.
+/// Memory that a board gives to its controller.
+#[derive(Debug)]
+pub struct Memory<'a> {
+    /// For recordings.
+    pub records: &'a mut [Record],
+    /// For the period of a multisine; a longer one is refused. Its content does not matter.
+    pub period: &'a mut [Point],
+}
+
+impl Memory<'_> {
+    /// For no recordings and no multisines.
+    pub const fn none() -> Self {
+        Self {
+            records: &mut [],
+            period: &mut [],
+        }
+    }
+}
+
+/// The controller of a board.
 #[derive(Debug)]
 pub struct Controller<'a> {
     table: ValidTable,
@@ -203,10 +226,11 @@ pub struct Controller<'a> {
     settling: (u32, [i64; LEGS]),
     /// Target of `gain`.
     target: f32,
-    /// The last outputs.
-    dac: [DacCode; LEGS],
-    /// The last samples that were read.
-    samples: Samples,
+    /// The last samples that were read, and the last outputs.
+    record: Record,
+    /// Forces in addition to those of a law whose integrals were reset, N, so that the sum goes
+    /// on where it was. They decay.
+    parting: Option<LegForces>,
     monitors: Monitors,
     probe: Probe,
     /// Failed pilots with none passed in between.
@@ -221,8 +245,14 @@ pub struct Controller<'a> {
     failing: ([DacCode; LEGS], u32),
     snapshot: HistoryBuf<Record, SNAPSHOT>,
     recorder: Recorder<'a>,
+    /// Memory of the injector.
+    period: &'a mut [Point],
+    /// The multisine whose period it holds.
+    filled: Option<Signal>,
     /// Telemetry queues one sample in `every`; 0 for none.
     every: u32,
+    /// Samples before the one that is queued next.
+    until: u32,
     telemetry: Deque<Telemetry, WAITING>,
     clamped: u32,
     late: u32,
@@ -233,9 +263,8 @@ pub struct Controller<'a> {
 
 impl<'a> Controller<'a> {
     /// A controller for `table`. `checksum` is the table's checksum at the time it was made;
-    /// if the table does not match it, the controller starts with [`Cause::Table`]. `room` is
-    /// the memory of the recorder.
-    pub fn new(table: ValidTable, checksum: u32, room: &'a mut [Record]) -> Self {
+    /// if the table does not match it, the controller starts with [`Cause::Table`].
+    pub fn new(table: ValidTable, checksum: u32, memory: Memory<'a>) -> Self {
         let dac = table.safe_codes();
         let mut controller = Self {
             table,
@@ -254,8 +283,11 @@ impl<'a> Controller<'a> {
             fade: 0.0,
             settling: (0, [0; LEGS]),
             target: 1.0,
-            dac,
-            samples: Samples::NONE,
+            record: Record {
+                adc: Samples::NONE,
+                dac,
+            },
+            parting: None,
             monitors: Monitors::NEW,
             probe: Probe::NEW,
             strikes: 0,
@@ -265,8 +297,11 @@ impl<'a> Controller<'a> {
             fault: None,
             failing: (dac, 0),
             snapshot: HistoryBuf::new(),
-            recorder: Recorder::new(room),
+            recorder: Recorder::new(memory.records),
+            period: memory.period,
+            filled: None,
             every: 0,
+            until: 0,
             telemetry: Deque::new(),
             clamped: 0,
             late: 0,
@@ -306,7 +341,7 @@ impl<'a> Controller<'a> {
         self.stop_injection();
         self.state = None;
         self.monitors = Monitors::NEW;
-        self.dac = self.table.safe_codes();
+        self.record.dac = self.table.safe_codes();
         self.prepare();
         Ok(())
     }
@@ -344,18 +379,19 @@ impl<'a> Controller<'a> {
     #[inline]
     pub fn latch(&mut self, reading: Reading) -> [DacCode; LEGS] {
         if let Some(samples) = reading.samples {
-            self.samples = samples;
+            self.record.adc = samples;
             if !self.holds {
-                self.latched.latch(&self.table, &self.ahead, &self.samples);
-                self.dac = self.latched.dac;
+                self.latched
+                    .latch(&self.table, &self.ahead, &self.record.adc);
+                self.record.dac = self.latched.dac;
             }
         }
         if self.holds {
-            self.dac = self.held;
+            self.record.dac = self.held;
         }
         // Else a sample that was not read leaves the outputs as they are.
         (self.read, self.was_late) = (reading.samples.is_some(), reading.late);
-        self.dac
+        self.record.dac
     }
 
     /// The second half of a sample: states, monitors, records, and all of the next sample that
@@ -363,7 +399,9 @@ impl<'a> Controller<'a> {
     /// sample on.
     pub fn follow(&mut self) {
         let was_fault = self.mode.is_fault();
-        self.late = self.late.saturating_add(u32::from(self.was_late));
+        if self.was_late {
+            self.late = self.late.saturating_add(1);
+        }
         let status = if self.read {
             self.sampled()
         } else {
@@ -373,36 +411,46 @@ impl<'a> Controller<'a> {
             }
             Status::NOTHING
         };
-        let record = Record {
-            adc: self.samples,
-            dac: self.dac,
-        };
-        let fault = self.mode.is_fault() && !was_fault;
         if !was_fault {
-            self.snapshot.write(record);
+            self.snapshot.write(self.record);
         }
         let injection = core::mem::take(&mut self.injection_begins);
-        self.recorder.push(self.at, record, fault, injection);
-        if self.every > 0 && self.at.is_multiple_of(self.every.into()) {
-            let telemetry = Telemetry {
-                at: self.at,
-                mode: self.mode,
-                gain: self.gain * self.fade,
-                record,
-                status,
-            };
-            if self.telemetry.push_back(telemetry).is_err() {
-                self.dropped = self.dropped.saturating_add(1);
-            }
+        if self.recorder.records() {
+            let fault = self.mode.is_fault() && !was_fault;
+            self.recorder.push(self.at, &self.record, fault, injection);
+        }
+        if self.every > 0 {
+            self.tell(status);
         }
         self.at += 1;
         self.advance();
         self.prepare();
     }
 
+    /// Queues one sample in `every` for the link.
+    #[inline(never)]
+    fn tell(&mut self, status: Status) {
+        if self.until > 0 {
+            self.until -= 1;
+            return;
+        }
+        self.until = self.every - 1;
+        let telemetry = Telemetry {
+            at: self.at,
+            mode: self.mode,
+            gain: self.gain * self.fade,
+            record: self.record,
+            status,
+        };
+        if self.telemetry.push_back(telemetry).is_err() {
+            self.dropped = self.dropped.saturating_add(1);
+        }
+    }
+
     /// The second half of a sample that was read.
+    #[inline]
     fn sampled(&mut self) -> Status {
-        let (table, samples) = (&self.table, &self.samples);
+        let (table, samples) = (&self.table, &self.record.adc);
         let state = self
             .state
             .get_or_insert_with(|| State::settled_on(table, *samples));
@@ -412,22 +460,18 @@ impl<'a> Controller<'a> {
             self.latched.latch(table, &self.ahead, samples);
         }
         let status = follow(table, state, &self.ahead, &self.latched, samples);
-        let calm = self.injector.is_none();
-        let cause = self.monitors.see(
-            table,
-            self.mode,
+        let sight = Sight {
             samples,
-            (&self.dac, status),
-            self.was_late,
-            calm,
-        );
+            dac: &self.record.dac,
+            status,
+            late: self.was_late,
+            calm: self.injector.is_none(),
+        };
+        let cause = self.monitors.see(table, self.mode, &sight);
         let cause = cause.or_else(|| self.probed());
-        if let Some(injector) = &mut self.injector
-            && !injector.advance()
-        {
-            self.injector = None;
+        if self.injector.is_some() {
+            self.inject();
         }
-        self.end_unasked_injection();
         if self.mode.is_loop() && status.clamped {
             self.clamped = self.clamped.saturating_add(1);
         }
@@ -435,6 +479,25 @@ impl<'a> Controller<'a> {
             self.fail(cause);
         }
         status
+    }
+
+    /// Moves the injection on to the next sample, or ends it.
+    #[inline(never)]
+    fn inject(&mut self) {
+        let Some(injector) = &mut self.injector else {
+            return;
+        };
+        match injector.advance(self.period) {
+            Next::Waits | Next::Goes => {}
+            Next::Begins => {
+                // As was said at its start, unless samples were lost.
+                self.injected = self.at + 1;
+                self.injection_begins = true;
+                self.filled = Some(injector.signal());
+            }
+            Next::Ends => self.stop_injection(),
+        }
+        self.end_unasked_injection();
     }
 
     /// Everything that changes from one sample to the next.
@@ -453,6 +516,17 @@ impl<'a> Controller<'a> {
             }
             self.move_gain();
         }
+        if let Some(LegForces(forces)) = &mut self.parting {
+            let table = self.table.get();
+            let mut left = false;
+            for (force, drive) in forces.iter_mut().zip(&table.actuators) {
+                *force /= table.supervision.ramp;
+                left |= force.abs() > NOTHING * drive.limit;
+            }
+            if !left {
+                self.parting = None;
+            }
+        }
     }
 
     /// Computes of the next sample what does not depend on its codes. To be called after every
@@ -465,10 +539,16 @@ impl<'a> Controller<'a> {
         self.holds = self.mode.is_fault();
         match self.mode {
             Mode::Starting | Mode::Closed | Mode::Stopping => {
+                let mut injection = self.pilot().unwrap_or_else(|| self.injected_forces());
+                if let Some(LegForces(parting)) = &self.parting {
+                    for (force, parting) in injection.0.iter_mut().zip(parting) {
+                        *force += parting;
+                    }
+                }
                 let demand = Demand {
                     gain: self.gain,
                     fade: self.fade,
-                    injection: self.pilot().unwrap_or_else(|| self.injected_forces()),
+                    injection,
                 };
                 self.ahead.close(&self.table, state, &demand);
             }
@@ -527,9 +607,10 @@ impl<'a> Controller<'a> {
         }
         *count += 1;
         if *count > whole {
-            state.settle(&self.table, *sums, length);
+            let bump = state.settle(&self.table, *sums, length, self.gain);
+            self.parting = Some(bump);
         } else if *count > length {
-            for (sum, code) in sums.iter_mut().zip(self.samples.sensors) {
+            for (sum, code) in sums.iter_mut().zip(self.record.adc.sensors) {
                 *sum += i64::from(code.0);
             }
         }
@@ -537,7 +618,7 @@ impl<'a> Controller<'a> {
 
     /// The largest ratio of a leg force to its limit.
     fn push(&self) -> f32 {
-        let legs = self.table.get().actuators.iter().zip(self.dac);
+        let legs = self.table.get().actuators.iter().zip(self.record.dac);
         legs.map(|(drive, code)| (drive.force(code) / drive.limit).abs())
             .fold(0.0, larger)
     }
@@ -553,24 +634,28 @@ impl<'a> Controller<'a> {
     /// found, if any.
     fn probed(&mut self) -> Option<Cause> {
         let table = self.table.get();
-        let (samples, dac) = (&self.samples, self.dac);
+        let answer = Answer {
+            sensors: &self.latched.w,
+            forces: &self.latched.forces,
+            dac: &self.record.dac,
+        };
         if self.mode == Mode::Testing {
             let course = Course::open(&table.self_test);
-            match self.probe.see(table, course, samples, dac)? {
+            match self.probe.see(table, course, answer)? {
                 Verdict::Failed(cause) => return Some(cause),
                 Verdict::Passed | Verdict::Noisy => self.change(Event::Passed),
             };
             return None;
         }
-        let course = Course::closed(&table.self_test)?;
         if self.mode != Mode::Closed {
             return None;
         }
+        let course = Course::closed(&table.self_test)?;
         if self.injector.is_some() {
-            self.probe = Probe::NEW;
+            self.probe.restart();
             return None;
         }
-        match self.probe.see(table, course, samples, dac)? {
+        match self.probe.see(table, course, answer)? {
             Verdict::Passed => self.strikes = 0,
             Verdict::Noisy => {}
             Verdict::Failed(cause) => {
@@ -607,7 +692,7 @@ impl<'a> Controller<'a> {
     fn fail(&mut self, cause: Cause) {
         if self.change(Event::Fault) {
             self.fault = Some(LatchedFault { cause, at: self.at });
-            self.failing = (self.dac, 0);
+            self.failing = (self.record.dac, 0);
             self.stop_injection();
         }
     }
@@ -632,16 +717,17 @@ impl<'a> Controller<'a> {
             return false;
         };
         if next == Mode::Starting {
-            (self.gain, self.fade) = (0.0, 1.0);
+            (self.gain, self.fade, self.parting) = (0.0, 1.0, None);
             self.settling = (0, [0; LEGS]);
             // The law starts at rest; the AC coupling keeps its state.
             if let Some(state) = &mut self.state {
                 state.start(&self.table);
             }
         }
-        (self.probe, self.strikes) = (Probe::NEW, 0);
+        self.probe.restart();
+        self.strikes = 0;
         if !next.is_loop() {
-            (self.gain, self.fade) = (0.0, 0.0);
+            (self.gain, self.fade, self.parting) = (0.0, 0.0, None);
         }
         self.mode = next;
         true
@@ -682,22 +768,34 @@ impl<'a> Controller<'a> {
     }
 
     /// Starts an injection and ends a running one. It ends after its duration, with a fault,
-    /// or when no request has come for [`UNASKED`] seconds.
+    /// or when no request has come for [`UNASKED`] seconds. A multisine begins when its period has
+    /// been computed.
     ///
     /// # Errors
     /// [`Refusal::Mode`] unless the mode is [`Mode::Idle`] or [`Mode::Closed`],
-    /// [`Refusal::Range`] if the injection exceeds the table's limits.
+    /// [`Refusal::Range`] if the injection exceeds the table's limits, or the period of a multisine
+    /// is longer than the memory for it.
     pub fn start_injection(&mut self, injection: Injection) -> Result<(), Refusal> {
         if !matches!(self.mode, Mode::Idle | Mode::Closed) {
             return Err(Refusal::Mode);
         }
-        if !injection.is_within(&self.table) {
+        let room = match injection.signal {
+            Signal::Multisine { period, .. } => period as usize <= self.period.len(),
+            Signal::Sine { .. } | Signal::Sweep { .. } | Signal::Noise { .. } => true,
+        };
+        if !room || !injection.is_within(&self.table) {
             return Err(Refusal::Range);
         }
-        self.injector = Some(Injector::new(&self.table, injection));
+        let filled = (self.filled == Some(injection.signal)).then_some(&*self.period);
+        let injector = Injector::new(&self.table, injection, filled);
         self.monitors.heard();
-        self.injected = self.at;
-        self.injection_begins = true;
+        let waits = injector.waits();
+        if waits > 0 {
+            self.filled = None;
+        }
+        self.injected = self.at + u64::from(waits);
+        self.injection_begins = waits == 0;
+        self.injector = Some(injector);
         self.prepare();
         Ok(())
     }
@@ -718,6 +816,11 @@ impl<'a> Controller<'a> {
     /// Queues one sample in `every` for the link; 0 for none. Empties the queue.
     pub fn set_telemetry(&mut self, every: u32) {
         self.every = every;
+        // A multiple of `every` since power-up; below 2³².
+        self.until = match self.at.checked_rem(every.into()) {
+            None | Some(0) => 0,
+            Some(over) => every - over as u32,
+        };
         self.telemetry.clear();
     }
 

@@ -122,9 +122,17 @@ impl<'a> Recorder<'a> {
         self.ring.len()
     }
 
-    fn write(&mut self, record: Record) {
+    /// Whether samples are to be passed to [`Recorder::push`].
+    pub fn records(&self) -> bool {
+        matches!(
+            self.state,
+            RecorderState::Waiting(_) | RecorderState::Running { .. }
+        )
+    }
+
+    fn write(&mut self, record: &Record) {
         if let Some(slot) = self.ring.get_mut(self.next) {
-            *slot = record;
+            *slot = *record;
             self.filled = self.filled.max(self.next + 1);
             self.next += 1;
         }
@@ -157,7 +165,7 @@ impl<'a> Recorder<'a> {
 
     /// Takes the record of sample `at`. `fault` and `injection` say whether one begins with
     /// this sample.
-    pub fn push(&mut self, at: u64, record: Record, fault: bool, injection: bool) {
+    pub fn push(&mut self, at: u64, record: &Record, fault: bool, injection: bool) {
         if let RecorderState::Waiting(recording) = self.state {
             let triggered = match recording.trigger {
                 Trigger::Now => true,

@@ -8,9 +8,9 @@
 //! is far smaller and its measurements are longer.
 
 use crate::LEGS;
-use crate::codes::{DacCode, LegForces, Samples};
+use crate::codes::{DacCode, LegForces};
 use crate::injection::sine;
-use crate::step::larger;
+use crate::step::{Values, larger};
 use crate::supervisor::Cause;
 use crate::table::{Phasor, SelfTest, Table};
 
@@ -89,7 +89,7 @@ impl Course {
 /// Phasors at the sine's frequency, measured over one leg's window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct LockIn {
-    /// Sensor values, `shown[kind][sensor]`, codes.
+    /// Sensor values, `shown[kind][sensor]`, sensor units.
     shown: [[Phasor; LEGS]; 2],
     /// Forces of the legs, codes.
     given: [Phasor; LEGS],
@@ -118,10 +118,10 @@ pub struct Probe {
     place: Phasor,
     /// Their turn from one sample to the next.
     pace: Phasor,
-    /// The current measurement.
-    window: LockIn,
-    /// The previous measurement.
-    ended: LockIn,
+    /// The current and the previous measurement, which alternate.
+    windows: [LockIn; 2],
+    /// Whether the second of `windows` is the current one.
+    second: bool,
     /// Number of its sensors that were evaluated. One per sample, because all at once would
     /// make this the longest sample.
     stage: usize,
@@ -132,6 +132,18 @@ pub struct Probe {
     /// For each leg: the larger of the two kinds' relative squared errors, and each kind's
     /// sum of squared expected answers.
     legs: [(f32, [f32; 2]); LEGS],
+}
+
+/// What one sample shows to a [`Probe`].
+#[derive(Clone, Copy, Debug)]
+pub struct Answer<'a> {
+    /// The values of the table's sensors, sensor units. A constant part does not matter.
+    pub sensors: &'a Values,
+    /// The values of the force sensors of a [`Complement`](crate::table::Complement), N. Without
+    /// one they are ignored.
+    pub forces: &'a Values,
+    /// The codes put out in the same sample.
+    pub dac: &'a [DacCode; LEGS],
 }
 
 /// The result of a [`Probe`].
@@ -154,8 +166,8 @@ impl Probe {
         turn: Phasor::ZERO,
         place: Phasor::ONE,
         pace: Phasor::ZERO,
-        window: LockIn::EMPTY,
-        ended: LockIn::EMPTY,
+        windows: [LockIn::EMPTY; 2],
+        second: false,
         stage: usize::MAX,
         off: [(0.0, 0.0); 2],
         sensors: [(0.0, 0.0); 2 * LEGS],
@@ -171,20 +183,27 @@ impl Probe {
         push
     }
 
-    /// Takes one sample: the codes of the sensors, and the output of the legs that followed.
-    /// Returns the result after the last leg, and starts again with the next sample.
-    pub fn see(
-        &mut self,
-        table: &Table,
-        course: Course,
-        samples: &Samples,
-        dac: [DacCode; LEGS],
-    ) -> Option<Verdict> {
+    /// Starts again with the next sample.
+    pub fn restart(&mut self) {
+        if (self.leg, self.at, self.stage) == (0, 0, usize::MAX) {
+            return;
+        }
+        let window = &mut self.windows[usize::from(self.second)];
+        *window = LockIn::EMPTY;
+        (self.leg, self.at, self.stage) = (0, 0, usize::MAX);
+        (self.wave, self.place) = (Phasor::ONE, Phasor::ONE);
+        self.sensors = [(0.0, 0.0); 2 * LEGS];
+    }
+
+    /// Takes one sample. Returns the result after the last leg, and starts again with the next
+    /// sample.
+    #[inline]
+    pub fn see(&mut self, table: &Table, course: Course, answer: Answer<'_>) -> Option<Verdict> {
         let test = &table.self_test;
         let last = if course.listens { LEGS } else { LEGS - 1 };
         if self.leg <= last {
             if self.at >= test.settle {
-                self.add(table, course, samples, dac);
+                self.add(table, course, answer);
             }
             if self.at == 0 {
                 self.turn = Phasor::unit(test.step);
@@ -195,56 +214,66 @@ impl Probe {
             if self.at >= test.settle.saturating_add(course.measure) {
                 self.leg += 1;
                 (self.at, self.wave, self.place) = (0, Phasor::ONE, Phasor::ONE);
-                self.ended = core::mem::replace(&mut self.window, LockIn::EMPTY);
+                self.second = !self.second;
+                self.windows[usize::from(self.second)] = LockIn::EMPTY;
                 (self.stage, self.off) = (0, [(0.0, 0.0); 2]);
                 return None;
             }
         }
+        if self.stage > 2 * LEGS {
+            return None;
+        }
+        self.evaluate(table, course, self.leg > last)
+    }
+
+    /// Evaluates one part of the previous measurement.
+    #[inline(never)]
+    fn evaluate(&mut self, table: &Table, course: Course, ended: bool) -> Option<Verdict> {
         let stage = self.stage;
         self.stage = stage.saturating_add(1);
         if stage < 2 * LEGS {
             self.look(table, stage);
-        } else if stage == 2 * LEGS {
-            self.close();
-            if self.leg > last {
-                let noise = if course.listens {
-                    self.off.map(|(error, _)| error)
-                } else {
-                    [0.0; 2]
-                };
-                let verdict = self.verdict(test, noise);
-                *self = Self::NEW;
-                return Some(verdict);
-            }
+            return None;
         }
-        None
+        self.close();
+        if !ended {
+            return None;
+        }
+        let noise = if course.listens {
+            self.off.map(|(error, _)| error)
+        } else {
+            [0.0; 2]
+        };
+        let verdict = self.verdict(&table.self_test, noise);
+        self.restart();
+        Some(verdict)
     }
 
-    /// Lock-in detection with a Hann window, which suppresses other frequencies. The sums are
-    /// of codes; [`Probe::look`] scales them.
-    fn add(&mut self, table: &Table, course: Course, samples: &Samples, dac: [DacCode; LEGS]) {
-        let measure = course.measure.max(1);
+    /// Lock-in detection with a Hann window, which suppresses other frequencies and constant
+    /// parts.
+    #[inline]
+    fn add(&mut self, table: &Table, course: Course, answer: Answer<'_>) {
         // The window is 1 − cos, of mean 1, one turn long.
-        let scale = 2.0 * (1.0 - self.place.re) / measure as f32;
+        let scale = 2.0 * (1.0 - self.place.re) / course.measure.max(1) as f32;
         self.place = self.place.times(self.pace);
-        let (sin, cos) = (scale * self.wave.im, scale * self.wave.re);
-        let [shown, beside] = &mut self.window.shown;
+        let wave = self.wave.scaled(scale);
+        let window = &mut self.windows[usize::from(self.second)];
+        let [shown, beside] = &mut window.shown;
         let add = |phasor: &mut Phasor, value: f32| {
-            phasor.re += value * sin;
-            phasor.im += value * cos;
+            phasor.re += value * wave.im;
+            phasor.im += value * wave.re;
         };
-        for ((shown, sensor), code) in shown.iter_mut().zip(&table.sensors).zip(samples.sensors) {
-            add(shown, f32::from(code.0) - sensor.zero);
+        for i in 0..LEGS {
+            add(&mut shown[i], answer.sensors[i]);
         }
-        if let Some(complement) = table.complement() {
-            let sensors = beside.iter_mut().zip(&complement.sensors);
-            for ((shown, sensor), code) in sensors.zip(samples.forces) {
-                add(shown, f32::from(code.0) - sensor.zero);
+        if table.complement().is_some() {
+            for i in 0..LEGS {
+                add(&mut beside[i], answer.forces[i]);
             }
         }
-        let given = self.window.given.iter_mut();
-        for ((given, drive), code) in given.zip(&table.actuators).zip(dac) {
-            add(given, f32::from(code.0) - drive.zero);
+        for i in 0..LEGS {
+            let code = f32::from(answer.dac[i].0);
+            add(&mut window.given[i], code - table.actuators[i].zero);
         }
     }
 
@@ -254,19 +283,21 @@ impl Probe {
         if kind > 0 && table.complement().is_none() {
             return;
         }
-        let (plant, calibrations) = match table.complement() {
-            Some(complement) if kind > 0 => (&table.self_test.forces, &complement.sensors),
-            _ => (&table.self_test.sensors, &table.sensors),
+        let plant = if kind > 0 {
+            &table.self_test.forces
+        } else {
+            &table.self_test.sensors
         };
+        let ended = &self.windows[usize::from(!self.second)];
         let mut expected = Phasor::ZERO;
-        let given = self.ended.given.iter().zip(&table.actuators);
+        let given = ended.given.iter().zip(&table.actuators);
         for (answers, (given, drive)) in plant.iter().zip(given) {
             // From codes to N.
             let part = answers[i].times(given.scaled(1.0 / drive.gain));
             expected.re += part.re;
             expected.im += part.im;
         }
-        let shown = self.ended.shown.as_flattened();
+        let shown = ended.shown.as_flattened();
         let (Some(shown), Some(sums), Some(off)) = (
             shown.get(sensor),
             self.sensors.get_mut(sensor),
@@ -274,7 +305,6 @@ impl Probe {
         ) else {
             return;
         };
-        let shown = shown.scaled(calibrations[i].gain);
         let error = shown.minus(expected).square();
         let whole = expected.square();
         *off = (off.0 + error, off.1 + whole);

@@ -120,8 +120,21 @@ impl State {
     }
 
     /// Sets the AC coupling to its steady state for the mean of `count` samples, whose
-    /// codes sum to `sums`, and resets the law.
-    pub fn settle(&mut self, table: &ValidTable, sums: [i64; LEGS], count: u32) {
+    /// codes sum to `sums`, and resets the law. Returns by how much the forces of the legs at
+    /// this `gain` were larger before, N, for the same codes.
+    pub fn settle(
+        &mut self,
+        table: &ValidTable,
+        sums: [i64; LEGS],
+        count: u32,
+        gain: f32,
+    ) -> LegForces {
+        let demand = Demand {
+            gain,
+            ..Demand::LAW
+        };
+        let [mut before, mut after] = [Ahead::NOTHING; 2];
+        before.close(table, self, &demand);
         let t = table.get();
         if t.ac_coupling > 0.0 && count > 0 {
             let mean = |i: usize| {
@@ -131,6 +144,10 @@ impl State {
             self.averages = [core::array::from_fn(mean), [0.0; LEGS]];
         }
         self.start(table);
+        after.close(table, self, &demand);
+        let less = core::array::from_fn(|i| gain * (after.offsets[i] - before.offsets[i]));
+        let law = core::array::from_fn(|i| before.base[i] - after.base[i]);
+        LegForces(add_columns(law, &table.direct_path().sensors, &less))
     }
 
     /// The sum of the two averages of each sensor, sensor units.
@@ -225,16 +242,15 @@ fn calibrate(sensors: &[Calibration; LEGS], adc: &[AdcCode; LEGS]) -> Values {
 /// Bit i is set if code i is at an end of the ADC's range.
 #[inline]
 fn at_rail(adc: &[AdcCode; LEGS], max: AdcCode) -> u8 {
-    // From −max to max − 1, as one comparison without sign.
+    // The lowest code is the complement of the highest. What one code has in no bit, it is not.
+    let distance = |code: &AdcCode| i32::from(code.0) ^ i32::from(code.0) >> 31;
     let max = i32::from(max.0);
-    let inside =
-        |code: AdcCode| (i32::from(code.0) + max).cast_unsigned() < 2 * max.cast_unsigned();
-    if adc.iter().all(|code| inside(*code)) {
+    if adc.iter().fold(0, |all, code| all | distance(code)) < max {
         return 0;
     }
     let mut bits = 0;
     for (i, code) in adc.iter().enumerate() {
-        bits |= u8::from(!inside(*code)) << i;
+        bits |= u8::from(distance(code) >= max) << i;
     }
     bits
 }
@@ -285,9 +301,9 @@ impl Ahead {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Latched {
     /// AC-coupled sensor values, sensor units.
-    w: Values,
+    pub(crate) w: Values,
     /// The forces measured by a [`Complement`], N.
-    forces: Values,
+    pub(crate) forces: Values,
     /// The forces before the clamp, N.
     asked: Values,
     /// The action of the clamp.
@@ -347,12 +363,7 @@ pub fn follow(
         // asymmetric vibration.
         f32::MAX
     };
-    let [h1, h2] = &mut state.averages;
-    for i in 0..LEGS {
-        let v = w[i] + h2[i];
-        h1[i] += t.ac_coupling * bounded(v, limit);
-        h2[i] += t.ac_coupling * bounded(w[i], limit);
-    }
+    average(&mut state.averages, w, t.ac_coupling, limit);
     if ahead.closed {
         follow_law(&t.law, &mut state.law, ahead.gain, latched);
     } else if let Paths::Modal(modal) = &t.law.paths
@@ -369,6 +380,29 @@ pub fn follow(
         },
         clamped: matches!(latched.clamp, Clamp::Active(_)),
         not_finite: latched.clamp == Clamp::NotFinite,
+    }
+}
+
+/// The averages of the AC coupling after a sample.
+#[inline]
+fn average([h1, h2]: &mut [Values; 2], w: &Values, coupling: f32, limit: f32) {
+    let v: Values = core::array::from_fn(|i| w[i] + h2[i]);
+    // No deviation is larger than the root of the sum of all squares. False for NaN.
+    let (mut first, mut second) = (0.0, 0.0);
+    for i in 0..LEGS {
+        first += v[i] * v[i];
+        second += w[i] * w[i];
+    }
+    if first + second <= limit * limit {
+        for i in 0..LEGS {
+            h1[i] += coupling * v[i];
+            h2[i] += coupling * w[i];
+        }
+    } else {
+        for i in 0..LEGS {
+            h1[i] += coupling * bounded(v[i], limit);
+            h2[i] += coupling * bounded(w[i], limit);
+        }
     }
 }
 
@@ -515,32 +549,52 @@ fn follow_law(law: &Law, state: &mut LawState, gain: f32, latched: &Latched) {
         }
         Paths::Modal(modal) => {
             let r = blend(modal, state, &latched.w, &latched.forces);
-            for (i, channel) in modal.channels.iter().enumerate() {
-                let mut r = r[i];
-                let mut free = match &modal.complement {
-                    Some(Complement { split, .. }) => {
-                        let d = state.difference[i];
-                        d - split[i] * d
-                    }
-                    None => 0.0,
-                };
-                // `take` bounds the sections without an index that could panic.
-                let sections = channel.sections.iter().zip(&mut state.sections[i]);
-                for (section, states) in sections.take(modal.sections) {
-                    r = section.run(states, r);
-                    free = section.output(states, free);
-                }
-                state.free[i] = free;
-                let x = state.integral[i];
-                let x = x - leak * x + gain * channel.integral * (r + state.before[i]);
-                state.integral[i] = x;
-                if windup > 0.0 {
-                    let asked = -x - gain * channel.proportional * r;
-                    state.integral[i] += windup * asked;
-                }
-                state.before[i] = r;
+            let mut free = [0.0; LEGS];
+            if let Some(Complement { split, .. }) = &modal.complement {
+                free = core::array::from_fn(|i| {
+                    let d = state.difference[i];
+                    d - split[i] * d
+                });
+            }
+            // A number of sections that the compiler knows takes a third less.
+            match modal.sections {
+                0 => follow_modes::<0>(modal, state, r, free, leak, gain, windup),
+                1 => follow_modes::<1>(modal, state, r, free, leak, gain, windup),
+                2 => follow_modes::<2>(modal, state, r, free, leak, gain, windup),
+                _ => follow_modes::<SECTIONS>(modal, state, r, free, leak, gain, windup),
             }
         }
+    }
+}
+
+/// Sections and integrals of all modes after a sample, with `N` sections each. `r` and `free` are
+/// the inputs of the first sections: those of the sample, and of one with all values zero.
+#[inline]
+fn follow_modes<const N: usize>(
+    modal: &Modal,
+    state: &mut LawState,
+    r: Values,
+    free: Values,
+    leak: f32,
+    gain: f32,
+    windup: f32,
+) {
+    for (i, channel) in modal.channels.iter().enumerate() {
+        let (mut r, mut free) = (r[i], free[i]);
+        let sections = channel.sections.iter().zip(&mut state.sections[i]);
+        for (section, states) in sections.take(N) {
+            r = section.run(states, r);
+            free = section.output(states, free);
+        }
+        state.free[i] = free;
+        let x = state.integral[i];
+        let x = x - leak * x + gain * channel.integral * (r + state.before[i]);
+        state.integral[i] = x;
+        if windup > 0.0 {
+            let asked = -x - gain * channel.proportional * r;
+            state.integral[i] += windup * asked;
+        }
+        state.before[i] = r;
     }
 }
 

@@ -6,9 +6,9 @@ use common::{DIRECT, SELF_TEST, SUPERVISION, table};
 use nalgebra::Matrix6;
 use proptest::prelude::*;
 use shared::LEGS;
-use shared::codes::{AdcCode, DacCode, Samples};
-use shared::controller::{Controller, Reading, Refusal};
-use shared::injection::{Injection, Injector, Signal};
+use shared::codes::{AdcCode, DacCode, LegForces, Samples};
+use shared::controller::{Controller, Memory, Reading, Refusal};
+use shared::injection::{Injection, Injector, Next, PERIOD, Signal};
 use shared::link::{Answer, Cutter, FRAME, Packet, Reply, Request, Server, VERSION, encode};
 use shared::recorder::{Record, Recorded, Recording, Trigger};
 use shared::supervisor::{Cause, Event, Mode};
@@ -104,9 +104,13 @@ impl<'a> Bench<'a> {
         Self::with(plain(), room)
     }
 
-    fn with(table: ValidTable, room: &'a mut [Record]) -> Self {
+    fn with(table: ValidTable, records: &'a mut [Record]) -> Self {
+        let memory = Memory {
+            records,
+            ..Memory::none()
+        };
         Self {
-            controller: Controller::new(table, table.checksum(), room),
+            controller: Controller::new(table, table.checksum(), memory),
             dac: table.safe_codes(),
             count: 0,
             inverted: false,
@@ -349,7 +353,7 @@ fn silence_is_a_fault_only_while_driven() {
     t.supervision.silence = 1000;
     let t = t.validate().unwrap();
     let mut bench = Bench::new(&mut []);
-    bench.controller = Controller::new(t, t.checksum(), &mut []);
+    bench.controller = Controller::new(t, t.checksum(), Memory::none());
     bench.run(2000);
     assert_eq!(bench.cause(), None);
     bench.reach_closed();
@@ -398,7 +402,7 @@ fn an_injection_ends_when_nobody_asks() {
 #[test]
 fn another_table_does_not_run() {
     let table = plain();
-    let mut controller = Controller::new(table, table.checksum() ^ 1, &mut []);
+    let mut controller = Controller::new(table, table.checksum() ^ 1, Memory::none());
     assert_eq!(
         controller.report().fault.map(|fault| fault.cause),
         Some(Cause::Table)
@@ -492,20 +496,33 @@ fn injections_are_what_they_say() {
     };
     let good = multisine(3, 5, 20, 1000);
     assert!(good.is_within(&table));
-    let mut injector = Injector::new(&table, good);
+    let mut memory = [[f32::NAN; 2]; 1000];
+    let mut injector = Injector::new(&table, good, None);
+    let waits = injector.waits();
+    for _ in 1..waits {
+        assert_eq!(injector.advance(&mut memory), Next::Waits);
+        assert_eq!(injector.forces(), LegForces::ZERO);
+    }
+    assert_eq!(injector.advance(&mut memory), Next::Begins);
     for n in 0..3000 {
         let expected: f64 = (0..20)
             .map(|k| {
                 let k = f64::from(k);
-                let turns = (3.0 + 5.0 * k) * f64::from(n % 1000) / 1000.0 - k * k / 40.0;
+                let shift = (1000.0 * k * k / 40.0).round() / 1000.0;
+                let turns = (3.0 + 5.0 * k) * f64::from(n % 1000) / 1000.0 - shift;
                 (core::f64::consts::TAU * turns).sin()
             })
             .sum();
         let found = f64::from(injector.forces().0[0]);
         // Twenty roundings of 3e-7 and their sum's.
         assert!((found - expected).abs() < 2e-5, "{n}");
-        assert_eq!(injector.advance(), n < 2999);
+        let next = if n < 2999 { Next::Goes } else { Next::Ends };
+        assert_eq!(injector.advance(&mut memory), next);
     }
+    // With the period complete, there is nothing to wait for.
+    let again = Injector::new(&table, good, Some(&memory));
+    assert_eq!(again.waits(), 0);
+    assert_eq!(again.forces().0[0], memory[0][1]);
     let sine = |hz, size: f32| Injection {
         signal: Signal::Sine { hz },
         legs: [size; LEGS],
@@ -516,6 +533,7 @@ fn injections_are_what_they_say() {
         multisine(3, 30, 20, 1000),
         multisine(3, 0, 2, 1000),
         multisine(1, 1, 65, 1000),
+        multisine(1, 1, 64, PERIOD + 1),
         sine(10_001.0, 1.0),
         sine(f32::NAN, 1.0),
         sine(50.0, 200.1),
@@ -724,7 +742,7 @@ proptest! {
         steps in prop::collection::vec((any::<[i16; LEGS]>(), 0..20u8), 1..400),
     ) {
         let table = plain();
-        let mut controller = Controller::new(table, table.checksum(), &mut []);
+        let mut controller = Controller::new(table, table.checksum(), Memory::none());
         for (codes, act) in steps {
             let event = match act {
                 0 => Some(Event::SelfTest),

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use host_gen::simulate::SoftwareBoard;
+use shared::controller::Memory;
+use shared::injection::PERIOD;
 use shared::recorder::Record;
 
 use crate::failure::Failure;
@@ -51,8 +53,11 @@ pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure>
     let table = searcher.design(&arguments.model, &study)?.table;
     let listener = TcpListener::bind(&arguments.listen).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
-    let mut room = vec![Record::NONE; ROOM];
-    let mut sil = SoftwareBoard::new(&study, &table, &mut room);
+    let memory = Memory {
+        records: &mut vec![Record::NONE; ROOM],
+        period: &mut vec![[0.0; 2]; PERIOD as usize],
+    };
+    let mut sil = SoftwareBoard::new(&study, &table, memory);
     // A script that started this program may wait for this line.
     println!("listening on {}", listener.local_addr().map_err(failed)?);
     io::stdout().flush().map_err(failed)?;

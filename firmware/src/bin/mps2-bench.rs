@@ -22,7 +22,7 @@ use firmware::tables::{both_sensors, metrology_frame};
 use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::{AdcCode, Samples};
-use shared::controller::{Controller, Reading};
+use shared::controller::{Controller, Memory, Reading};
 use shared::injection::{Injection, LINES, Signal};
 use shared::recorder::{Record, Recording, Trigger};
 use shared::supervisor::{Event, Mode};
@@ -138,7 +138,7 @@ fn main() -> ! {
 
 /// A controller of a table with short waits. There is no machine: the self-test passes with any
 /// answer.
-fn controller(mut t: Table, room: &mut [Record]) -> Controller<'_> {
+fn controller(mut t: Table, memory: Memory<'_>) -> Controller<'_> {
     t.self_test.tolerance = 1e6;
     t.self_test.settle = 1;
     t.self_test.measure = 16;
@@ -149,7 +149,7 @@ fn controller(mut t: Table, room: &mut [Record]) -> Controller<'_> {
         panic!("a table that is one");
     };
     let table: ValidTable = table;
-    Controller::new(table, table.checksum(), room)
+    Controller::new(table, table.checksum(), memory)
 }
 
 /// Small enough not to be clamped, and different from sample to sample.
@@ -180,8 +180,11 @@ fn run(counter: &mut Counter, controller: &mut Controller<'_>, samples: u32) -> 
 
 /// Prints the instructions of the first half and of whole samples in every mode.
 fn measure(counter: &mut Counter, name: &str, table: Table) {
-    let mut room = [Record::NONE; ROOM];
-    let mut controller = controller(table, &mut room);
+    let memory = Memory {
+        records: &mut [Record::NONE; ROOM],
+        period: &mut [[0.0; 2]; 4096],
+    };
+    let mut controller = controller(table, memory);
     let mut print = |controller: &mut Controller<'_>, what: &str, mode: Mode, samples: u32| {
         let [whole, latch] = run(counter, controller, samples);
         // The mode may end with the last sample.

@@ -14,7 +14,7 @@ use serde::Serialize;
 use shared::LEGS;
 use shared::codes::Calibration;
 use shared::controller::ControllerReport;
-use shared::injection::{Injection, Injector, LONGEST, Signal};
+use shared::injection::{Injection, Injector, LONGEST, Next, PERIOD, Signal};
 use shared::link::Request;
 use shared::recorder::{Record, Recorded, Recording, Trigger};
 use shared::supervisor::{Cause, Mode};
@@ -448,6 +448,9 @@ impl MeasurementSettings {
             let must = format!("be a power of two and at least {SHORTEST}");
             return Err(setting("period", must));
         }
+        if self.period > PERIOD {
+            return Err(setting("period", format!("be at most {PERIOD}")));
+        }
         if self.averages < FEWEST {
             let must = format!(
                 "be at least {FEWEST}: coherence and expected error come from the scatter of the averages"
@@ -597,11 +600,13 @@ impl Course<'_> {
     /// Spectrum of the injected force by line, of one period.
     fn injected(&self, leg: usize) -> Vec<Complex<f64>> {
         let period = self.settings.period;
-        let mut injector = Injector::new(self.table, self.injection(leg, period));
+        let mut memory = vec![[0.0; 2]; period as usize];
+        let mut injector = Injector::new(self.table, self.injection(leg, period), None);
+        while injector.advance(&mut memory) == Next::Waits {}
         let mut wave: Vec<Complex<f64>> = (0..period)
             .map(|_| {
                 let force = injector.forces().0[leg];
-                injector.advance();
+                injector.advance(&mut memory);
                 Complex::from(f64::from(force))
             })
             .collect();

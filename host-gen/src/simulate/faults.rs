@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use shared::LEGS;
 use shared::codes::{AdcCode, DacCode, Samples};
-use shared::controller::Reading;
+use shared::controller::{Memory, Reading};
 use shared::supervisor::{Cause, Event, Mode};
 use shared::table::ValidTable;
 
@@ -288,7 +288,7 @@ struct BrokenLoop {
 impl BrokenLoop {
     fn new(study: &Study, table: &ValidTable, defects: &[Defect]) -> Self {
         Self {
-            sil: SoftwareBoard::new(study, table, &mut []),
+            sil: SoftwareBoard::new(study, table, Memory::none()),
             broken: Broken::new(study, table, defects),
             inside: true,
             rate: study.machine().board.sample_rate,

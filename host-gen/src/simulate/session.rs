@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 use shared::LEGS;
-use shared::controller::{Controller, Reading};
+use shared::controller::{Controller, Memory, Reading};
 use shared::supervisor::{Event, Mode};
 use shared::table::ValidTable;
 
@@ -128,7 +128,7 @@ fn name(mode: Mode) -> &'static str {
 pub fn history(study: &Study, table: &ValidTable) -> History {
     let board = study.machine().board;
     let samples = |seconds: f64| ((seconds * board.sample_rate).round() as u64).max(1);
-    let mut controller = Controller::new(*table, table.checksum(), &mut []);
+    let mut controller = Controller::new(*table, table.checksum(), Memory::none());
     let safe = table.safe_codes();
     let [mut open, mut closed] = [Track::new(study), Track::new(study)];
     let mut phases = vec![Phase {

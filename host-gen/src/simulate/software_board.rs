@@ -3,9 +3,8 @@
 
 use shared::LEGS;
 use shared::codes::{DacCode, Samples};
-use shared::controller::{Controller, Reading};
+use shared::controller::{Controller, Memory, Reading};
 use shared::link::{Answer, Cutter, Server, encode};
-use shared::recorder::Record;
 use shared::table::{Limits, ValidTable};
 
 use super::rig::Rig;
@@ -24,13 +23,12 @@ pub struct SoftwareBoard<'a> {
 }
 
 impl<'a> SoftwareBoard<'a> {
-    /// A board with `table`, before its first sample. `room` is the memory of the
-    /// recorder.
-    pub fn new(study: &Study, table: &ValidTable, room: &'a mut [Record]) -> Self {
+    /// A board with `table`, before its first sample.
+    pub fn new(study: &Study, table: &ValidTable, memory: Memory<'a>) -> Self {
         let machine = study.machine();
         Self {
             rig: Rig::new(study.plant().clone(), &machine.board, &machine.simulation),
-            controller: Controller::new(*table, table.checksum(), room),
+            controller: Controller::new(*table, table.checksum(), memory),
             cutter: Cutter::new(),
             server: Server::new(),
             table: *table,

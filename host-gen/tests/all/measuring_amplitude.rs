@@ -6,15 +6,12 @@ use host_gen::control::LinearLaw;
 use host_gen::design::Study;
 use host_gen::simulate::SoftwareBoard;
 use shared::LEGS;
-use shared::injection::Injection;
-use shared::recorder::Record;
+use shared::controller::Memory;
+use shared::injection::{Injection, PERIOD, Point};
 use shared::supervisor::{Event, Mode};
 use shared::table::ValidTable;
 
 use crate::common::{edited, searched};
-
-/// Samples in a period of the multisine.
-const PERIOD: u32 = 8192;
 
 /// The metrology frame with all masses and stiffnesses divided by `by`: the same frequencies,
 /// and as many times the acceleration per newton. The self-test pushes as much less.
@@ -48,8 +45,12 @@ fn lighter(by: f64) -> String {
 }
 
 /// A board after its self-test.
-fn tested<'a>(study: &Study, table: &ValidTable, room: &'a mut [Record]) -> SoftwareBoard<'a> {
-    let mut board = SoftwareBoard::new(study, table, room);
+fn tested<'a>(study: &Study, table: &ValidTable, period: &'a mut [Point]) -> SoftwareBoard<'a> {
+    let memory = Memory {
+        period,
+        ..Memory::none()
+    };
+    let mut board = SoftwareBoard::new(study, table, memory);
     board.controller.ask(Event::SelfTest).unwrap();
     run(&mut board, 5.0);
     let report = board.controller.report();
@@ -74,7 +75,11 @@ fn shake(board: &mut SoftwareBoard<'_>, leg: usize, amplitude: f64) {
         samples: 40_000,
     };
     board.controller.start_injection(injection).unwrap();
-    run(board, 3.0);
+    // The first one waits until its period is computed.
+    while board.controller.report().injecting > 0 {
+        board.sample();
+    }
+    run(board, 1.0);
 }
 
 #[test]
@@ -82,8 +87,8 @@ fn no_machine_is_shaken_into_a_fault() {
     for by in [1.0, 30.0] {
         let (study, found) = searched(&lighter(by));
         let table = &found.as_ref().unwrap().table;
-        let mut room = [Record::NONE; 1];
-        let mut board = tested(study, table, &mut room);
+        let mut period = vec![[0.0; 2]; PERIOD as usize];
+        let mut board = tested(study, table, &mut period);
         let open = amplitude(study, table, None, PERIOD);
         for leg in 0..LEGS {
             shake(&mut board, leg, open);
@@ -114,8 +119,8 @@ fn no_machine_is_shaken_into_a_fault() {
             "{by}: {open} N open, {closed} N closed"
         );
         if by > 1.0 {
-            let mut room = [Record::NONE; 1];
-            let mut board = tested(study, table, &mut room);
+            let mut period = vec![[0.0; 2]; PERIOD as usize];
+            let mut board = tested(study, table, &mut period);
             shake(&mut board, 0, 16.0 * open);
             assert!(board.controller.report().fault.is_some(), "{by}: {open} N");
         }

@@ -4,7 +4,7 @@ use crate::common::looped_frame;
 use host_gen::simulate::Rig;
 use shared::LEGS;
 use shared::codes::DacCode;
-use shared::controller::{Controller, Reading};
+use shared::controller::{Controller, Memory, Reading};
 use shared::supervisor::{Event, Mode};
 
 /// While a leg pushes with more than half its limit, the gain of a soft start falls; afterwards
@@ -15,7 +15,7 @@ fn large_forces_lower_the_gain() {
     let machine = study.machine();
     let board = &machine.board;
     let mut rig = Rig::new(study.plant().clone(), board, &machine.simulation);
-    let mut controller = Controller::new(*table, table.checksum(), &mut []);
+    let mut controller = Controller::new(*table, table.checksum(), Memory::none());
     let second = board.sample_rate as usize;
     let push = |dac: [DacCode; LEGS]| {
         let forces = dac.map(|code| board.dac.force(code, board.actuator_gain).abs());

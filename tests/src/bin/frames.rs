@@ -9,7 +9,7 @@ use clap::Parser;
 use firmware::tables;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
-use shared::controller::{Controller, Refusal};
+use shared::controller::{Controller, Memory, Refusal};
 use shared::link::{Answer, Cutter, Packet, Reply, Request, Server, VERSION, encode};
 
 /// Sends bad frames to the board's end of the link.
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
     let Cli { frames, seed } = Cli::parse();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let entry = &tables::METROLOGY_FRAME;
-    let mut controller = Controller::new(*entry.table, entry.checksum, &mut []);
+    let mut controller = Controller::new(*entry.table, entry.checksum, Memory::none());
     let (mut cutter, mut server) = (Cutter::new(), Server::new());
     let frame = |session, sequence, body| {
         let packet = Packet {

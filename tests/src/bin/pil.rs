@@ -32,8 +32,8 @@ use firmware::tables::{self, Entry};
 use host_gen::design::Study;
 use host_gen::machine::Machine;
 use host_gen::simulate::Rig;
-use shared::controller::{ControllerReport, Refusal};
-use shared::injection::{Injection, Signal};
+use shared::controller::{ControllerReport, Memory, Refusal};
+use shared::injection::{Injection, PERIOD, Signal};
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recording, Trigger};
 use shared::supervisor::{Cause, Mode};
@@ -263,7 +263,10 @@ fn in_the_loop(
     let settings = &study.machine().simulation;
     // One a run of this program and board, as on a board.
     let room = board.as_ref().map_or(ROOM, Board::room);
-    let room = vec![Record::NONE; room].leak();
+    let memory = Memory {
+        records: vec![Record::NONE; room].leak(),
+        period: vec![[0.0; 2]; PERIOD as usize].leak(),
+    };
     let limits = board.as_ref().map_or(Limits::NONE, Board::limits);
     let host: &'static BoardController = Box::leak(Box::new(BoardController::new()));
     let store = Store::new(RamFlash::new(), 0..RamFlash::SIZE as u32);
@@ -271,7 +274,7 @@ fn in_the_loop(
         name,
         board: board.as_ref().map(Emulated::start).transpose()?,
         rig: Rig::new(study.plant().clone(), &study.machine().board, settings),
-        link: LinkTask::begin(host, entry, limits, store, room),
+        link: LinkTask::begin(host, entry, limits, store, memory),
         host,
         session: 0,
         sequence: 0,

@@ -21,6 +21,8 @@ use firmware::ram_flash::RamFlash;
 use firmware::store::Store;
 use firmware::tables::Entry;
 use heapless::Deque;
+use shared::controller::Memory;
+use shared::injection::{PERIOD, Point};
 use shared::recorder::Record;
 use shared::table::Limits;
 use uart::{Receiver, SerialPort};
@@ -40,14 +42,16 @@ static INCOMING: Mutex<RefCell<(Option<Receiver>, Deque<u8, 1024>)>> =
 
 /// Runs the controller of a machine. Never returns.
 pub fn run(entry: &'static Entry) -> ! {
-    let (Some(room), Some(mut core)) = (
+    let (Some(records), Some(period), Some(mut core)) = (
         cortex_m::singleton!(: [Record; ROOM] = [Record::NONE; ROOM]),
+        cortex_m::singleton!(: [Point; PERIOD as usize] = [[0.0; 2]; PERIOD as usize]),
         Peripherals::take(),
     ) else {
         panic!("run is called once");
     };
     let store = Store::new(RamFlash::new(), 0..RamFlash::SIZE as u32);
-    let mut link = LinkTask::begin(&BOARD, entry, Limits::NONE, store, room);
+    let memory = Memory { records, period };
+    let mut link = LinkTask::begin(&BOARD, entry, Limits::NONE, store, memory);
     let converters = uart::CONVERTERS.open();
     let (mut send, receive) = uart::LINK.open().split();
     critical_section::with(|cs| {

@@ -15,7 +15,8 @@ use firmware::converters::ad7606::Ad7606;
 use firmware::link_task::LinkTask;
 use firmware::store::Store;
 use firmware::{budget, tables};
-use shared::controller::{Health, Restart};
+use shared::controller::{Health, Memory, Restart};
+use shared::injection::{PERIOD, Point};
 use shared::link::FRAME;
 use shared::recorder::Record;
 
@@ -29,9 +30,13 @@ use crate::spi::{Receiver, Transmitter};
 /// Number of records that fit into the recorder: 288 KiB of the 512 KiB of AXI SRAM.
 const ROOM: usize = 8192;
 
-/// Memory of the recorder, which only [`room`] initialises.
-#[unsafe(link_section = ".axi.room")]
+/// Memory of the recorder, which only [`memory`] initialises.
+#[unsafe(link_section = ".axi.records")]
 static mut RECORDS: MaybeUninit<[Record; ROOM]> = MaybeUninit::uninit();
+
+/// Memory of the injector, likewise.
+#[unsafe(link_section = ".axi.period")]
+static mut PERIODS: MaybeUninit<[Point; PERIOD as usize]> = MaybeUninit::uninit();
 
 /// Outputs are read back this many times per second.
 const READ_BACK: f32 = 100.0;
@@ -70,7 +75,7 @@ pub fn run() -> ! {
 
     let store = Store::new(Sectors::new(), 0..flash::SIZE);
     let entry = &tables::NUCLEO_H743;
-    let mut link = LinkTask::begin(&BOARD, entry, budget::LIMITS, store, room());
+    let mut link = LinkTask::begin(&BOARD, entry, budget::LIMITS, store, memory());
 
     RCC.apb2enr().modify(|w| w.set_spi1en(true));
     RCC.apb1lenr().modify(|w| w.set_spi3en(true));
@@ -193,15 +198,32 @@ fn report(restart: Restart, rate: f32, count: u32) {
     BOARD.with(|controller| controller.set_health(health));
 }
 
-/// The memory of the recorder. To be called once.
-fn room() -> &'static mut [Record] {
-    let start = (&raw mut RECORDS).cast::<Record>();
-    for i in 0..ROOM {
-        // SAFETY: within the array, and there is no other reference to it.
-        unsafe { start.add(i).write(Record::NONE) };
+/// The memory of the controller. To be called once.
+fn memory() -> Memory<'static> {
+    // SAFETY: `run` calls this once and never returns: there are no other references.
+    unsafe {
+        Memory {
+            records: filled(&raw mut RECORDS, Record::NONE),
+            period: filled(&raw mut PERIODS, [0.0; 2]),
+        }
     }
-    // SAFETY: every record was written above, and `run` calls this once and never returns.
-    unsafe { core::slice::from_raw_parts_mut(start, ROOM) }
+}
+
+/// A memory, each place of it with `value`.
+///
+/// # Safety
+/// There must be no other reference to the memory, ever.
+unsafe fn filled<T: Copy, const N: usize>(
+    memory: *mut MaybeUninit<[T; N]>,
+    value: T,
+) -> &'static mut [T] {
+    let start = memory.cast::<T>();
+    for i in 0..N {
+        // SAFETY: within the array, and there is no other reference to it.
+        unsafe { start.add(i).write(value) };
+    }
+    // SAFETY: every place was written above, and there is no other reference.
+    unsafe { core::slice::from_raw_parts_mut(start, N) }
 }
 
 fn name(restart: Restart) -> &'static str {
