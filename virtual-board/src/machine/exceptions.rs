@@ -181,16 +181,13 @@ impl Machine {
 
     /// A single-precision register, half of a double one.
     fn single(&self, number: u8) -> u32 {
-        let pair = self
-            .uc
-            .reg_read(DOUBLES[usize::from(number / 2)])
-            .unwrap_or(0);
+        let pair = self.uc.core().get(DOUBLES[usize::from(number / 2)]);
         (pair >> (32 * (number % 2))) as u32
     }
 
     fn set_single(&mut self, number: u8, value: u32) {
         let register = DOUBLES[usize::from(number / 2)];
-        let pair = self.uc.reg_read(register).unwrap_or(0);
+        let pair = self.uc.core().get(register);
         let shift = 32 * (number % 2);
         let pair = pair & !(0xFFFF_FFFF << shift) | u64::from(value) << shift;
         if self.uc.reg_write(register, pair).is_err() {

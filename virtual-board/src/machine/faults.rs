@@ -20,7 +20,7 @@ mod trap {
 impl Machine {
     /// Runs instructions until there is something to do between two of them.
     pub(super) fn step_in(&mut self) {
-        let state = self.uc.get_data_mut();
+        let state = self.uc.state_mut();
         state.wake = 0;
         state.stopping = 0;
         state.trap = None;
@@ -28,7 +28,7 @@ impl Machine {
         let begin = u64::from(self.pc | 1);
         let outcome = self.uc.emu_start(begin, 0, 0, 0);
         self.pc = self.get(Reg::PC);
-        let state = self.uc.get_data_mut();
+        let state = self.uc.state_mut();
         if let Some(calls) = state.stopping.checked_sub(1) {
             // All but the last of the instructions of an IT block ran.
             let ran = u64::from(calls);
@@ -45,7 +45,7 @@ impl Machine {
                 self.pc = self.bus().pc;
                 self.bus_fault(PRECISERR, address);
             }
-            (Ok(()), None) if self.uc.get_data().stopping == 0 => self.asleep = true,
+            (Ok(()), None) if self.uc.state().stopping == 0 => self.asleep = true,
             (Ok(()), None) => {}
             (_, Some(trap::EXCEPTION_EXIT)) => self.leave(self.pc | 1),
             (_, Some(trap::SWI)) => self.bus_mut().nvic.set_pending(SV_CALL, true),
@@ -78,7 +78,7 @@ impl Machine {
                 self.bus_mut()
                     .refuse("a write to bank 1 of the flash".to_owned());
             }
-            uc_error::FETCH_PROT => self.mpu_fault(IACCVIOL, None),
+            uc_error::FETCH_PROT => self.fetch_forbidden(),
             uc_error::READ_PROT | uc_error::WRITE_PROT => self.mpu_fault(DACCVIOL, address),
             _ => self.bus_mut().refuse(format!("the emulator: {error:?}")),
         }
@@ -99,6 +99,18 @@ impl Machine {
             None => self.locked = true,
         }
     }
+    /// By the MPU, or because the emulator is never to execute this memory.
+    fn fetch_forbidden(&mut self) {
+        let above = self.bus().nvic.execution_priority(self.masks()) < 0;
+        if self.bus().mpu.rights(self.pc, above).execute {
+            let at = self.pc;
+            self.bus_mut()
+                .refuse(format!("code in data, at {at:#010x}"));
+        } else {
+            self.mpu_fault(IACCVIOL, None);
+        }
+    }
+
     fn bus_fault(&mut self, cause: u32, address: Option<u32>) {
         let masks = self.masks();
         let bus = self.bus_mut();

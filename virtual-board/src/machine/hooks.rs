@@ -1,43 +1,54 @@
 //! What happens before every instruction.
 
-use unicorn_engine::{HookType, Unicorn};
+use std::ffi::c_void;
 
+use unicorn_engine::MemType;
+use unicorn_engine::hook::uc_engine;
+
+use super::State;
+use super::emulator::{Core, Emulator, state};
 use super::registers::masks;
-use super::{State, failed};
 use crate::time::Ticks;
 
-pub(super) fn hook(uc: &mut Unicorn<'static, State>) -> Result<(), String> {
-    uc.add_code_hook(1, 0, |uc, address, _| on_instruction(uc, address as u32))
-        .map_err(failed("hooks"))?;
-    uc.add_mem_hook(HookType::MEM_INVALID, 1, 0, |uc, kind, address, _, _| {
-        uc.get_data_mut().bad_access = Some((kind, address as u32));
-        false
-    })
-    .map_err(failed("hooks"))?;
-    uc.add_intr_hook(|uc, number| {
-        uc.get_data_mut().trap = Some(number);
-        let _ = uc.emu_stop();
-    })
-    .map_err(failed("hooks"))?;
-    Ok(())
+pub(super) fn hook(emulator: &mut Emulator) -> Result<(), String> {
+    emulator.before_instructions(before_instruction)?;
+    emulator.at_bad_accesses(bad_access)?;
+    emulator.at_traps(trap)
 }
 
-/// Before every instruction.
-fn on_instruction(uc: &mut Unicorn<'_, State>, pc: u32) {
-    let state = uc.get_data_mut();
-    if state.stopping > 0 {
-        // In an IT block unicorn takes a stop back: it is asked for until it comes.
-        state.stopping += 1;
-        let _ = uc.emu_stop();
+unsafe extern "C" fn bad_access(
+    _: *mut uc_engine,
+    kind: MemType,
+    address: u64,
+    _: i32,
+    _: i64,
+    data: *mut c_void,
+) -> bool {
+    // SAFETY: a callback's data.
+    unsafe { state(data) }.bad_access = Some((kind, address as u32));
+    false
+}
+
+unsafe extern "C" fn trap(uc: *mut uc_engine, number: u32, data: *mut c_void) {
+    // SAFETY: a callback's data.
+    unsafe { state(data) }.trap = Some(number);
+    Core::of(uc).stop();
+}
+
+/// Most of the emulator's time passes here: with nothing due, it is a few comparisons and
+/// additions.
+unsafe extern "C" fn before_instruction(
+    uc: *mut uc_engine,
+    address: u64,
+    _: u32,
+    data: *mut c_void,
+) {
+    let pc = address as u32;
+    // SAFETY: a callback's data.
+    let state = unsafe { state(data) };
+    if (state.bus.now >= state.wake || state.idle.watches(pc)) && stops(Core::of(uc), state, pc) {
         return;
     }
-    if (state.bus.now >= state.wake || state.idle.watches(pc)) && due(uc, pc) {
-        let state = uc.get_data_mut();
-        state.stopping = 1;
-        let _ = uc.emu_stop();
-        return;
-    }
-    let state = uc.get_data_mut();
     let bus = &mut state.bus;
     bus.pc = pc;
     state.instructions += 1;
@@ -47,24 +58,38 @@ fn on_instruction(uc: &mut Unicorn<'_, State>, pc: u32) {
     }
 }
 
+/// Lets what is due happen, and stops the emulator if it has to.
+#[cold]
+#[inline(never)]
+fn stops(core: Core, state: &mut State, pc: u32) -> bool {
+    if state.stopping > 0 {
+        // In an IT block unicorn takes a stop back: it is asked for until it comes.
+        state.stopping += 1;
+    } else if due(core, state, pc) {
+        state.stopping = 1;
+        state.wake = 0;
+    } else {
+        return false;
+    }
+    core.stop();
+    true
+}
+
 /// Lets what is due happen. Whether the emulator has to stop before this instruction.
-fn due(uc: &mut Unicorn<'_, State>, pc: u32) -> bool {
-    let state = uc.get_data_mut();
+fn due(core: Core, state: &mut State, pc: u32) -> bool {
     if state.bus.now >= state.wake {
         let now = state.bus.now;
         state.bus.events(now);
     }
     let wanted = state.idle.next(&state.bus);
     if state.idle.watches(pc) {
-        skip(uc);
+        skip(core, state);
     } else if wanted.is_some_and(|at| at <= state.bus.now) {
-        let registers = crate::idle::registers(uc);
-        let state = uc.get_data_mut();
+        let registers = crate::idle::registers(core);
         state
             .idle
             .begin(pc, registers, &state.bus, state.instructions);
     }
-    let state = uc.get_data_mut();
     if state.waits_at_gate(false) {
         return true;
     }
@@ -86,9 +111,7 @@ fn due(uc: &mut Unicorn<'_, State>, pc: u32) -> bool {
     if !bus.nvic.may_preempt() {
         return false;
     }
-    let masks = masks(uc);
-    let state = uc.get_data_mut();
-    if state.bus.nvic.take(masks).is_some() {
+    if bus.nvic.take(masks(core)).is_some() {
         return true;
     }
     // Masked: the next instruction may change that.
@@ -97,16 +120,11 @@ fn due(uc: &mut Unicorn<'_, State>, pc: u32) -> bool {
 }
 
 /// Compares with the pass before, and skips passes if nothing has changed.
-fn skip(uc: &mut Unicorn<'_, State>) {
-    let registers = uc.get_data().idle.registers();
-    let same = registers.is_some_and(|registers| crate::idle::same(uc, registers));
-    let State {
-        idle,
-        bus,
-        instructions,
-        until,
-        ..
-    } = uc.get_data_mut();
-    let next = bus.next().unwrap_or(Ticks::MAX).min(*until);
-    idle.pass(same, bus, instructions, next);
+fn skip(core: Core, state: &mut State) {
+    let registers = state.idle.registers();
+    let same = registers.is_some_and(|registers| crate::idle::same(core, registers));
+    let next = state.bus.next().unwrap_or(Ticks::MAX).min(state.until);
+    state
+        .idle
+        .pass(same, &mut state.bus, &mut state.instructions, next);
 }

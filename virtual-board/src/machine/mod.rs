@@ -6,21 +6,23 @@
 //! instructions, at most one instruction after it became possible; an IT block (up to four
 //! instructions) counts as one.
 
+mod emulator;
 mod exceptions;
 mod faults;
 mod hooks;
 mod memories;
 mod registers;
 
-use unicorn_engine::{
-    Arch, ArmCpuModel, MemType, Mode, Prot, RegisterARM as Reg, Unicorn, uc_error,
-};
+pub(crate) use emulator::Core;
+
+use unicorn_engine::{MemType, Prot, RegisterARM as Reg};
 
 use crate::bus::{Bus, Unmodelled};
 use crate::idle::Idle;
 use crate::image::Image;
 use crate::peripherals::rcc::Reset;
 use crate::time::{Cost, Ticks};
+use emulator::Emulator;
 use registers::general;
 
 /// What the hooks know.
@@ -31,7 +33,7 @@ pub struct State {
     pub instructions: u64,
     /// Finds passes of the main loop that can be skipped.
     pub idle: Idle,
-    /// The next moment at which the hook has more to do than to count.
+    /// The next moment at which the hook has more to do than to count; 0: at once.
     pub(crate) wake: Ticks,
     /// The run ends then.
     until: Ticks,
@@ -76,25 +78,13 @@ pub enum Stop {
 
 /// A core with its board.
 pub struct Machine {
-    pub(crate) uc: Unicorn<'static, State>,
+    uc: Emulator,
     /// The core is locked up: only a reset helps.
     pub locked: bool,
     /// WFI: it sleeps until an exception.
     asleep: bool,
     /// The next instruction.
-    pub(crate) pc: u32,
-}
-
-impl Drop for Machine {
-    fn drop(&mut self) {
-        // The emulator knows the addresses of the memories, which are freed with its data:
-        // nothing may run from here on, and nothing does.
-        self.locked = true;
-    }
-}
-
-fn failed(what: &'static str) -> impl Fn(uc_error) -> String {
-    move |error| format!("the emulator: {what}: {error:?}")
+    pc: u32,
 }
 
 impl Machine {
@@ -118,12 +108,7 @@ impl Machine {
             protected: Vec::new(),
             bad_access: None,
         };
-        let mode = Mode::LITTLE_ENDIAN | Mode::THUMB;
-        let mut uc = Unicorn::new_with_data(Arch::ARM, mode, state).map_err(failed("start"))?;
-        uc.ctl_set_cpu_model(ArmCpuModel::CORTEX_M7 as i32)
-            .map_err(failed("model"))?;
-        // No address ends the run, not even 0, where code is.
-        uc.ctl_exits_enable().map_err(failed("exits"))?;
+        let mut uc = Emulator::new(state)?;
         memories::map(&mut uc)?;
         hooks::hook(&mut uc)?;
         let mut machine = Self {
@@ -138,12 +123,12 @@ impl Machine {
 
     /// The board.
     pub fn bus(&self) -> &Bus {
-        &self.uc.get_data().bus
+        &self.uc.state().bus
     }
 
     /// The board.
     pub fn bus_mut(&mut self) -> &mut Bus {
-        let state = self.uc.get_data_mut();
+        let state = self.uc.state_mut();
         // What is changed may be due at once.
         state.wake = 0;
         state.idle.forget(state.bus.now);
@@ -157,17 +142,17 @@ impl Machine {
 
     /// Instructions since the start, those of skipped passes too.
     pub fn instructions(&self) -> u64 {
-        self.uc.get_data().instructions
+        self.uc.state().instructions
     }
 
     /// What is known of idle passes.
     pub fn idle(&self) -> &Idle {
-        &self.uc.get_data().idle
+        &self.uc.state().idle
     }
 
     /// What is known of idle passes.
     pub fn idle_mut(&mut self) -> &mut Idle {
-        &mut self.uc.get_data_mut().idle
+        &mut self.uc.state_mut().idle
     }
 
     /// Writes memory as a scene's defect, not as the program: code that was translated is
@@ -186,7 +171,7 @@ impl Machine {
     /// The plant has answered: the inputs of the ADC have these codes, and the gate opens.
     /// The program cannot see it before it reads a peripheral.
     pub fn answer(&mut self, codes: &[i16]) {
-        let state = self.uc.get_data_mut();
+        let state = self.uc.state_mut();
         let bus = &mut state.bus;
         bus.adc.inputs[..codes.len()].copy_from_slice(codes);
         // If the timer has just been started at 0, its first CONVST came with that, and what
@@ -202,23 +187,17 @@ impl Machine {
 
     /// From now on a run ends where the program waits at the closed gate.
     pub fn stop_at_gate(&mut self) {
-        self.uc.get_data_mut().stop_at_gate = true;
+        self.uc.state_mut().stop_at_gate = true;
     }
 
     /// Takes the bytes that the board has sent over the link. The program cannot see it.
     pub fn take_link(&mut self) -> Vec<u8> {
-        self.uc
-            .get_data_mut()
-            .bus
-            .usart3
-            .outgoing
-            .drain(..)
-            .collect()
+        self.uc.state_mut().bus.usart3.outgoing.drain(..).collect()
     }
 
     /// Resets the board.
     pub fn reset(&mut self, cause: Reset) {
-        self.uc.get_data_mut().bus.counts.cut();
+        self.uc.state_mut().bus.counts.cut();
         self.bus_mut().reset(cause);
         if cause == Reset::Power {
             // The memories hold other code.
@@ -265,11 +244,11 @@ impl Machine {
     /// # Errors
     /// If the image does something that is not modelled.
     pub fn run_to(&mut self, until: Ticks, address: Option<u32>) -> Result<Stop, Unmodelled> {
-        let state = self.uc.get_data_mut();
+        let state = self.uc.state_mut();
         state.until = until;
         state.stop_at = address;
         loop {
-            self.uc.get_data_mut().bus.schedule();
+            self.uc.state_mut().bus.schedule();
             let bus = self.bus();
             if let Some(error) = &bus.error {
                 return Err(error.clone());
@@ -284,7 +263,7 @@ impl Machine {
             if address == Some(self.pc) {
                 return Ok(Stop::Address);
             }
-            if self.uc.get_data().waits_at_gate(self.asleep || self.locked) {
+            if self.uc.state().waits_at_gate(self.asleep || self.locked) {
                 return Ok(Stop::Gate);
             }
             if bus.mpu_changed {
@@ -312,7 +291,7 @@ impl Machine {
 
     /// Nothing runs: time passes to the next event.
     fn pass_time(&mut self, until: Ticks) {
-        let bus = &mut self.uc.get_data_mut().bus;
+        let bus = &mut self.uc.state_mut().bus;
         let next = bus.next().unwrap_or(until).clamp(bus.now, until);
         bus.now = next;
         bus.events(next);

@@ -1,14 +1,14 @@
 //! The core's registers.
 
-use unicorn_engine::{RegisterARM as Reg, Unicorn};
+use unicorn_engine::RegisterARM as Reg;
 
-use super::{Machine, State};
+use super::Machine;
+use super::emulator::Core;
 use crate::peripherals::nvic::Masks;
 
 impl Machine {
     pub(super) fn get(&self, register: Reg) -> u32 {
-        // A register of this core: it cannot fail.
-        self.uc.reg_read(register).unwrap_or(0) as u32
+        self.uc.core().get(register) as u32
     }
 
     pub(super) fn set(&mut self, register: Reg, value: u32) {
@@ -37,7 +37,7 @@ impl Machine {
 
     /// The mask registers.
     pub fn masks(&self) -> Masks {
-        masks(&self.uc)
+        masks(self.uc.core())
     }
 }
 
@@ -63,8 +63,8 @@ pub(super) fn general(number: u8) -> Reg {
     ALL[usize::from(number.min(14))]
 }
 
-pub(super) fn masks(uc: &Unicorn<'_, State>) -> Masks {
-    let get = |register| uc.reg_read(register).unwrap_or(0) as u32;
+pub(super) fn masks(core: Core) -> Masks {
+    let get = |register| core.get(register) as u32;
     Masks {
         primask: get(Reg::PRIMASK) & 1 != 0,
         faultmask: get(Reg::FAULTMASK) & 1 != 0,
