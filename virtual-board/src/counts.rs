@@ -119,15 +119,22 @@ impl Counts {
     }
 
     /// An instruction of the handler.
+    #[inline]
     pub fn instruction(&mut self, pc: u32) {
         self.current += 1;
-        if let Some(at) = pc.checked_sub(FLASH) {
-            if self.flash.is_empty() {
-                self.flash = vec![0; 1 << 19];
-            }
-            if let Some(count) = self.flash.get_mut(at as usize / 2) {
-                *count += 1;
-            }
+        // What runs from ITCM is below.
+        if pc >= FLASH {
+            self.fetched(pc - FLASH);
+        }
+    }
+
+    #[cold]
+    fn fetched(&mut self, at: u32) {
+        if self.flash.is_empty() {
+            self.flash = vec![0; 1 << 19];
+        }
+        if let Some(count) = self.flash.get_mut(at as usize / 2) {
+            *count += 1;
         }
     }
 

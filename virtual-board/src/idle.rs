@@ -13,10 +13,10 @@
 //! A peripheral that writes memory by itself (DMA) must have its transfers among the
 //! events, and call [`Idle::forget`] for each.
 
-use unicorn_engine::{RegisterARM as Reg, Unicorn};
+use unicorn_engine::RegisterARM as Reg;
 
 use crate::bus::Bus;
-use crate::machine::State;
+use crate::machine::Core;
 use crate::memory::Area;
 use crate::time::{MICROSECOND, Ticks};
 
@@ -204,14 +204,14 @@ impl Idle {
 }
 
 /// Reads all registers.
-pub(crate) fn registers(uc: &Unicorn<'_, State>) -> Registers {
-    NAMES.map(|name| uc.reg_read(name).unwrap_or(0))
+pub(crate) fn registers(core: Core) -> Registers {
+    NAMES.map(|name| core.get(name))
 }
 
 /// Whether all registers have these values.
-pub(crate) fn same(uc: &Unicorn<'_, State>, registers: &Registers) -> bool {
+pub(crate) fn same(core: Core, registers: &Registers) -> bool {
     let mut pairs = NAMES.iter().zip(registers);
-    pairs.all(|(name, value)| uc.reg_read(*name).unwrap_or(0) == *value)
+    pairs.all(|(name, value)| core.get(*name) == *value)
 }
 
 /// The registers, those first that differ most often. CONTROL and FAULTMASK are not among

@@ -13,7 +13,7 @@
 //! | [`counts`] | counters of the sample interrupt |
 //! | [`bus`] | all of these together |
 //! | [`idle`] | skipping passes in which nothing happens |
-//! | [`machine`], [`exceptions`] | the core |
+//! | [`machine`] | the core |
 //! | [`board`] | a board to run, disturb and look at |
 //! | [`serve`] | its converters and link over sockets |
 
@@ -21,7 +21,6 @@ pub mod board;
 pub mod bus;
 pub mod chips;
 pub mod counts;
-pub mod exceptions;
 pub mod gate;
 pub mod idle;
 pub mod image;

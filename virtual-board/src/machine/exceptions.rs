@@ -1,12 +1,11 @@
-//! Entry to and return from exceptions (ARMv7-M ARM, B1.5.6 to B1.5.8), faults (B1.5.14),
-//! lockup (B1.5.15).
+//! Entry to and return from exceptions (ARMv7-M ARM, B1.5.6 to B1.5.8), lockup (B1.5.15).
 //!
 //! A frame with floating-point registers is written at once; the hardware may do it lazily
 //! (FPCCR.LSPEN), which a program can tell only by the time it takes.
 
 use unicorn_engine::RegisterARM as Reg;
 
-use crate::machine::Machine;
+use super::Machine;
 use crate::peripherals::nvic::{BUS_FAULT, HARD_FAULT, IRQ, USAGE_FAULT};
 use crate::peripherals::scb::{FORCED, INVPC, STKERR, UNSTKERR, VECTTBL};
 use crate::peripherals::tim1::CC_IRQ;
@@ -32,24 +31,8 @@ impl Machine {
         (cycles * self.bus().ticks.2 as f64).round() as Ticks
     }
 
-    /// A fault of the instruction at the present address, with its bits in CFSR.
-    pub(crate) fn fault(&mut self, number: u16, cause: u32) {
-        let masks = self.masks();
-        let bus = self.bus_mut();
-        bus.scb.cfsr |= cause;
-        match bus.nvic.escalate(number, masks) {
-            Some(taken) => {
-                if taken != number {
-                    bus.scb.hfsr |= FORCED;
-                }
-                bus.nvic.set_pending(taken, true);
-            }
-            None => self.locked = true,
-        }
-    }
-
     /// Takes an exception. The next instruction is that of the handler.
-    pub(crate) fn enter(&mut self, number: u16) {
+    pub(super) fn enter(&mut self, number: u16) {
         let taken = self.bus().now;
         let control = self.get(Reg::CONTROL);
         let handler = self.bus().nvic.depth() > 0;
@@ -133,7 +116,7 @@ impl Machine {
     }
 
     /// Returns from an exception: a branch to one of the values that entry puts into LR.
-    pub(crate) fn leave(&mut self, value: u32) {
+    pub(super) fn leave(&mut self, value: u32) {
         let number = self.bus().nvic.running();
         let (to_thread, process) = (value & 8 != 0, value & 4 != 0);
         let float = value & 0x10 == 0;
@@ -198,16 +181,13 @@ impl Machine {
 
     /// A single-precision register, half of a double one.
     fn single(&self, number: u8) -> u32 {
-        let pair = self
-            .uc
-            .reg_read(DOUBLES[usize::from(number / 2)])
-            .unwrap_or(0);
+        let pair = self.uc.core().get(DOUBLES[usize::from(number / 2)]);
         (pair >> (32 * (number % 2))) as u32
     }
 
     fn set_single(&mut self, number: u8, value: u32) {
         let register = DOUBLES[usize::from(number / 2)];
-        let pair = self.uc.reg_read(register).unwrap_or(0);
+        let pair = self.uc.core().get(register);
         let shift = 32 * (number % 2);
         let pair = pair & !(0xFFFF_FFFF << shift) | u64::from(value) << shift;
         if self.uc.reg_write(register, pair).is_err() {

@@ -1,0 +1,109 @@
+//! What happens by itself, in the order of its moments.
+
+use super::Bus;
+use crate::peripherals::iwdg::Iwdg;
+use crate::peripherals::rcc::Reset;
+use crate::peripherals::{tim1, usart};
+use crate::time::Ticks;
+use crate::wires::pins;
+
+impl Bus {
+    /// When something happens next.
+    pub fn next(&self) -> Option<Ticks> {
+        (self.due != Ticks::MAX).then_some(self.due)
+    }
+
+    /// Finds out when something happens next; to be called when that may have changed.
+    pub fn schedule(&mut self) {
+        self.due = self.earliest().unwrap_or(Ticks::MAX);
+    }
+
+    fn earliest(&self) -> Option<Ticks> {
+        let sampling = [self.tim1.next().map(|(at, _)| at), self.iwdg.next()];
+        let sampling = sampling.into_iter().flatten().min();
+        [
+            sampling.and_then(|at| self.gate.moment(at)),
+            self.spi1.next(),
+            self.spi3.next(),
+            self.usart3.next(),
+            self.flash.next(),
+            self.adc.next(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// Whether the core may have to do something else than its next instruction.
+    pub fn is_urgent(&self) -> bool {
+        self.error.is_some() || self.reset.is_some() || self.fault.is_some() || self.nvic.waits()
+    }
+
+    /// Lets everything happen that is due by `now`, in the order of its moments.
+    pub fn events(&mut self, now: Ticks) {
+        while let Some(at) = self.next().filter(|at| *at <= now) {
+            self.happened += 1;
+            let sampling = self.gate.sampling(at);
+            if self.iwdg.next().is_some_and(|bites| bites <= sampling) && !self.gate.is_closed() {
+                self.reset = self.reset.or(Some(Reset::Watchdog));
+                self.iwdg = Iwdg::default();
+            }
+            if let Some((_, update)) = self.tim1.next().filter(|(due, _)| *due <= sampling)
+                && !self.gate.is_closed()
+            {
+                if update && self.gate.holds() {
+                    self.gate.close(at);
+                } else {
+                    self.timer_event(sampling, at);
+                }
+            }
+            if self.adc.advance(at) {
+                self.note(pins::BUSY, at);
+            }
+            self.spi_event(at);
+            self.usart3.advance(at);
+            self.flash.advance(at);
+            self.lines(at);
+            self.schedule();
+        }
+    }
+
+    fn timer_event(&mut self, sampling: Ticks, at: Ticks) {
+        let Some(event) = self.tim1.advance(sampling) else {
+            return;
+        };
+        if event.update {
+            self.gate.pass();
+        }
+        // The end of LDAC.
+        if event.matches >> 3 & 1 != 0 && self.gate.holds() {
+            self.gate.close(at);
+        }
+        if event.matches >> 1 & 1 != 0 {
+            self.counts.timer_event(at);
+        }
+        self.drive(pins::CONVST, at);
+        self.drive(pins::LDAC, at);
+    }
+
+    fn spi_event(&mut self, at: Ticks) {
+        if let Some(frame) = self.spi1.due(at) {
+            let received = self.exchange_adc(frame);
+            self.spi1.finish(received);
+        }
+        if let Some(frame) = self.spi3.due(at) {
+            let received = self.exchange_dac(frame);
+            self.spi3.finish(received);
+        }
+    }
+
+    /// Sets the interrupt lines as the peripherals request.
+    pub(super) fn lines(&mut self, at: Ticks) {
+        let timer = self.tim1.requests();
+        if timer {
+            self.counts.requested(at);
+        }
+        self.nvic.line(tim1::CC_IRQ, timer);
+        self.nvic.line(usart::IRQ, self.usart3.requests());
+    }
+}
