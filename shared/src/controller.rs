@@ -376,7 +376,8 @@ impl<'a> Controller<'a> {
 
     /// The first half of a sample: returns the codes to latch. [`Controller::follow`] must be
     /// called before the next one.
-    #[inline]
+    // Within a caller's loop, every address would be kept on the stack and loaded from there.
+    #[inline(never)]
     pub fn latch(&mut self, reading: Reading) -> [DacCode; LEGS] {
         if let Some(samples) = reading.samples {
             self.record.adc = samples;
@@ -412,7 +413,7 @@ impl<'a> Controller<'a> {
             Status::NOTHING
         };
         if !was_fault {
-            self.snapshot.write(self.record);
+            self.snapshot.write(self.record.copied());
         }
         let injection = core::mem::take(&mut self.injection_begins);
         if self.recorder.records() {

@@ -588,13 +588,15 @@ fn follow_modes<const N: usize>(
         }
         state.free[i] = free;
         let x = state.integral[i];
-        let x = x - leak * x + gain * channel.integral * (r + state.before[i]);
-        state.integral[i] = x;
-        if windup > 0.0 {
-            let asked = -x - gain * channel.proportional * r;
-            state.integral[i] += windup * asked;
-        }
+        state.integral[i] = x - leak * x + gain * channel.integral * (r + state.before[i]);
         state.before[i] = r;
+    }
+    if windup > 0.0 {
+        for (i, channel) in modal.channels.iter().enumerate() {
+            let x = state.integral[i];
+            let asked = -x - gain * channel.proportional * state.before[i];
+            state.integral[i] = x + windup * asked;
+        }
     }
 }
 
