@@ -1,8 +1,6 @@
 //! Counters of the sample interrupt. All are exact for the model; what they say about a
 //! real board depends on the costs of instructions and accesses, which are parameters.
 
-use std::collections::BTreeMap;
-
 use crate::bus::Block;
 use crate::time::Ticks;
 
@@ -56,8 +54,8 @@ pub struct Counts {
     pub masked: Ticks,
     /// Timer events that came while the handler of the one before had not returned.
     pub overlapped: u64,
-    /// Reads and writes of registers in the handler.
-    pub accesses: BTreeMap<(Block, u32), [u64; 2]>,
+    /// Reads and writes of registers in the handler, in the order of their first.
+    pub accesses: Vec<((Block, u32), [u64; 2])>,
     /// How often each halfword of bank 1 was fetched as an instruction of the handler.
     flash: Vec<u64>,
     /// The moment of the last timer event that no handler has been entered for.
@@ -150,7 +148,16 @@ impl Counts {
     /// An access to a register.
     pub fn access(&mut self, block: Block, offset: u32, write: bool) {
         if self.inside {
-            self.accesses.entry((block, offset)).or_default()[usize::from(write)] += 1;
+            let found = self
+                .accesses
+                .iter()
+                .position(|(at, _)| *at == (block, offset));
+            // They are few.
+            let place = found.unwrap_or_else(|| {
+                self.accesses.push(((block, offset), [0; 2]));
+                self.accesses.len() - 1
+            });
+            self.accesses[place].1[usize::from(write)] += 1;
         }
     }
 }

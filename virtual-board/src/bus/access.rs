@@ -36,11 +36,13 @@ impl Bus {
             .check(block, offset, size)
             .and_then(|()| self.read_register(block, offset, size));
         self.lines(self.now);
-        answer.unwrap_or_else(|why| {
+        let value = answer.unwrap_or_else(|why| {
             let register = block.register(offset);
             self.refuse(format!("read of {register} at {address:#010x}: {why}"));
             0
-        })
+        });
+        self.answers.push(address, value);
+        value
     }
 
     /// A write by the core.

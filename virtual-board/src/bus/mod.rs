@@ -65,6 +65,19 @@ impl std::fmt::Display for Unmodelled {
 
 impl std::error::Error for Unmodelled {}
 
+/// A series of values read, as a number: two series differ, if not their numbers are the same
+/// by an unlikely chance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Answers(u64);
+
+impl Answers {
+    fn push(&mut self, address: u32, value: u32) {
+        let read = u64::from(address) << 32 | u64::from(value);
+        // The constant is that of FNV-1a.
+        self.0 = (self.0.rotate_left(23) ^ read).wrapping_mul(0x100_0000_01B3);
+    }
+}
+
 /// The board without its core.
 pub struct Bus {
     /// The core's time.
@@ -82,6 +95,8 @@ pub struct Bus {
     /// Accesses that change something, or whose answer changes with time alone and not with
     /// an event. All others, repeated, give the same until the next event.
     pub unsteady: u64,
+    /// What the core has read from registers since this was cleared.
+    pub answers: Answers,
     /// Events so far.
     pub happened: u64,
     /// Why the run cannot go on.
@@ -145,6 +160,7 @@ impl Bus {
             due: Ticks::MAX,
             accesses: 0,
             unsteady: 0,
+            answers: Answers::default(),
             happened: 0,
             error: None,
             reset: None,

@@ -5,12 +5,13 @@
 //! every instruction and every access to a register.
 
 use std::ffi::c_void;
-use std::ops::{Deref, DerefMut};
+use std::ops::{Deref, DerefMut, RangeInclusive};
 use std::ptr::NonNull;
 
 use unicorn_engine::hook::{sys, uc_engine};
 use unicorn_engine::{
-    Arch, ArmCpuModel, HookType, MemType, Mode, RegisterARM as Reg, Unicorn, uc_error,
+    Arch, ArmCpuModel, HookType, MemType, Mode, RegisterARM as Reg, TlbEntry, TlbType, Unicorn,
+    uc_error,
 };
 
 use super::State;
@@ -76,33 +77,52 @@ impl Emulator {
 
     /// Calls `hook` before every instruction, with its address.
     pub fn before_instructions(&mut self, hook: CodeHook) -> Result<(), String> {
-        self.add(HookType::CODE, hook as *mut c_void)
+        self.add(HookType::CODE, 0..=u32::MAX, hook as *mut c_void)
     }
 
-    /// Calls `hook` for a memory access that cannot be carried out.
-    pub fn at_bad_accesses(&mut self, hook: MemoryHook) -> Result<(), String> {
-        self.add(HookType::MEM_INVALID, hook as *mut c_void)
+    /// Calls `hook` for a memory access at one of these addresses that cannot be carried
+    /// out. With such a hook, whether called or not, unicorn takes a long way for every
+    /// write there.
+    pub fn at_bad_accesses(
+        &mut self,
+        addresses: RangeInclusive<u32>,
+        hook: MemoryHook,
+    ) -> Result<(), String> {
+        self.add(HookType::MEM_INVALID, addresses, hook as *mut c_void)
+    }
+
+    /// Calls `hook` for a page's translation, when it is used for the first time and
+    /// sometimes again.
+    pub fn at_new_pages(&mut self, hook: PageHook) -> Result<(), String> {
+        self.uc
+            .ctl_set_tlb_type(TlbType::VIRTUAL)
+            .map_err(failed("pages"))?;
+        self.add(HookType::TLB_FILL, 0..=u32::MAX, hook as *mut c_void)
     }
 
     /// Calls `hook` when the core raises an exception by itself.
     pub fn at_traps(&mut self, hook: TrapHook) -> Result<(), String> {
-        self.add(HookType::INTR, hook as *mut c_void)
+        self.add(HookType::INTR, 0..=u32::MAX, hook as *mut c_void)
     }
 
-    fn add(&mut self, kind: HookType, callback: *mut c_void) -> Result<(), String> {
+    fn add(
+        &mut self,
+        kind: HookType,
+        addresses: RangeInclusive<u32>,
+        callback: *mut c_void,
+    ) -> Result<(), String> {
         let mut id = 0;
         // SAFETY: the callback has the type that unicorn wants for this kind, by the types
-        // of the functions above; it gets the state, which outlives all runs. From 1 to 0
-        // is everywhere.
+        // of the functions above; it gets the state, which outlives all runs.
         let outcome = unsafe {
             sys::uc_hook_add(
                 self.uc.get_handle(),
-                (&raw mut id),
+                &raw mut id,
                 kind.0 as i32,
                 callback,
                 self.state.as_ptr().cast(),
-                1,
-                0,
+                u64::from(*addresses.start()),
+                u64::from(*addresses.end()),
             )
         };
         done(outcome, "hooks")
@@ -134,6 +154,8 @@ impl Emulator {
 
 type CodeHook = unsafe extern "C" fn(*mut uc_engine, u64, u32, *mut c_void);
 type MemoryHook = unsafe extern "C" fn(*mut uc_engine, MemType, u64, i32, i64, *mut c_void) -> bool;
+type PageHook =
+    unsafe extern "C" fn(*mut uc_engine, u64, MemType, *mut TlbEntry, *mut c_void) -> bool;
 type TrapHook = unsafe extern "C" fn(*mut uc_engine, u32, *mut c_void);
 type ReadCallback = unsafe extern "C" fn(*mut uc_engine, u64, u32, *mut c_void) -> u64;
 type WriteCallback = unsafe extern "C" fn(*mut uc_engine, u64, u32, u64, *mut c_void);
@@ -165,6 +187,13 @@ impl Core {
         // The call cannot fail for one of them.
         unsafe { sys::uc_reg_read(self.0, register as i32, (&raw mut value).cast()) };
         value
+    }
+
+    /// EPSR says that no IT block is under way, as it does while translated code runs.
+    pub(super) fn leave_it_block(self) {
+        let value = 1_u32 << 24;
+        // SAFETY: the engine lives, and reads 32 bits. The call cannot fail.
+        unsafe { sys::uc_reg_write(self.0, Reg::EPSR as i32, (&raw const value).cast()) };
     }
 
     /// Ends the run before the next instruction.

@@ -2,21 +2,25 @@
 
 use std::ffi::c_void;
 
-use unicorn_engine::MemType;
 use unicorn_engine::hook::uc_engine;
+use unicorn_engine::{MemType, Prot, TlbEntry};
 
 use super::State;
 use super::emulator::{Core, Emulator, state};
 use super::registers::masks;
+use crate::memory::Area;
 use crate::time::Ticks;
 
 pub(super) fn hook(emulator: &mut Emulator) -> Result<(), String> {
     emulator.before_instructions(before_instruction)?;
-    emulator.at_bad_accesses(bad_access)?;
+    let (start, size) = Area::Dtcm.range();
+    emulator.at_bad_accesses(0..=start - 1, bad_access)?;
+    emulator.at_bad_accesses(start + size as u32..=u32::MAX, bad_access)?;
+    emulator.at_new_pages(page)?;
     emulator.at_traps(trap)
 }
 
-unsafe extern "C" fn bad_access(
+pub(super) unsafe extern "C" fn bad_access(
     _: *mut uc_engine,
     kind: MemType,
     address: u64,
@@ -27,6 +31,37 @@ unsafe extern "C" fn bad_access(
     // SAFETY: a callback's data.
     unsafe { state(data) }.bad_access = Some((kind, address as u32));
     false
+}
+
+/// Addresses are physical ones, and what is allowed is in the memories' own permissions. But
+/// unicorn need not look at each write for code to translate anew where none is ever
+/// executed.
+unsafe extern "C" fn page(
+    uc: *mut uc_engine,
+    address: u64,
+    kind: MemType,
+    entry: *mut TlbEntry,
+    _: *mut c_void,
+) -> bool {
+    let (start, size) = Area::Dtcm.range();
+    let data = (u64::from(start)..u64::from(start) + size as u64).contains(&address);
+    let perms = if data && kind != MemType::FETCH {
+        Prot::READ | Prot::WRITE
+    } else {
+        Prot::ALL
+    };
+    let filled = TlbEntry {
+        paddr: address,
+        perms,
+    };
+    if kind != MemType::FETCH {
+        // Before this call unicorn has written down the state of the IT block, if there is
+        // one, and does not take it back: the next block would begin with it.
+        Core::of(uc).leave_it_block();
+    }
+    // SAFETY: unicorn gives the address of an entry that it has not filled yet.
+    unsafe { entry.write(filled) };
+    true
 }
 
 unsafe extern "C" fn trap(uc: *mut uc_engine, number: u32, data: *mut c_void) {
@@ -88,7 +123,7 @@ fn due(core: Core, state: &mut State, pc: u32) -> bool {
         let registers = crate::idle::registers(core);
         state
             .idle
-            .begin(pc, registers, &state.bus, state.instructions);
+            .begin(pc, registers, &mut state.bus, state.instructions);
     }
     if state.waits_at_gate(false) {
         return true;

@@ -8,6 +8,7 @@ use unicorn_engine::hook::uc_engine;
 
 use super::Machine;
 use super::emulator::{Core, Emulator, failed, state};
+use super::hooks::bad_access;
 use super::registers::masks;
 use crate::memory::{AXI, Area};
 use crate::peripherals::flash::{BANK, BANK_2};
@@ -21,9 +22,8 @@ const PERIPHERALS: u32 = 0x4000_0000;
 /// and those of the core here.
 const CORE: u32 = 0xE000_0000;
 
-/// What the emulator may ever allow. Bank 1 of the flash cannot be written in this model.
-/// No image executes data; for pages that are never executed, unicorn need not look at each
-/// write for code to translate anew.
+/// What the emulator may ever allow. Bank 1 of the flash cannot be written in this model, and
+/// data is not executed.
 fn possible(area: Area) -> Prot {
     match area {
         Area::Flash => Prot::READ | Prot::EXEC,
@@ -62,6 +62,15 @@ impl Machine {
         }
         if std::mem::replace(&mut state.protected, changes.clone()) == changes {
             return;
+        }
+        // Where DTCM is protected, the address of a violation is wanted.
+        let (start, size) = Area::Dtcm.range();
+        let end = start + (size as u32 - 1);
+        let whole = (start, size as u32, possible(Area::Dtcm));
+        if !changes.contains(&whole)
+            && let Err(error) = self.uc.at_bad_accesses(start..=end, bad_access)
+        {
+            self.bus_mut().refuse(error);
         }
         for (start, size, allowed) in changes {
             let done = self
