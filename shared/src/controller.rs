@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::LEGS;
 use crate::codes::{DacCode, LegForces, Samples};
 use crate::injection::{Injection, Injector, UNASKED};
+use crate::levels::{Levels, Meter};
 use crate::monitors::Monitors;
 use crate::recorder::{Record, Recorded, Recorder, Recording};
 use crate::self_test::{Course, Probe, Verdict};
@@ -221,6 +222,7 @@ pub struct Controller<'a> {
     failing: ([DacCode; LEGS], u32),
     snapshot: HistoryBuf<Record, SNAPSHOT>,
     recorder: Recorder<'a>,
+    meter: Meter,
     /// Telemetry queues one sample in `every`; 0 for none.
     every: u32,
     telemetry: Deque<Telemetry, WAITING>,
@@ -266,6 +268,7 @@ impl<'a> Controller<'a> {
             failing: (dac, 0),
             snapshot: HistoryBuf::new(),
             recorder: Recorder::new(room),
+            meter: Meter::NEW,
             every: 0,
             telemetry: Deque::new(),
             clamped: 0,
@@ -306,6 +309,7 @@ impl<'a> Controller<'a> {
         self.stop_injection();
         self.state = None;
         self.monitors = Monitors::NEW;
+        self.meter = Meter::NEW;
         self.dac = self.table.safe_codes();
         self.prepare();
         Ok(())
@@ -421,6 +425,7 @@ impl<'a> Controller<'a> {
             self.was_late,
             calm,
         );
+        self.meter.see(&self.table, &self.samples, &self.dac);
         let cause = cause.or_else(|| self.probed());
         if let Some(injector) = &mut self.injector
             && !injector.advance()
@@ -760,6 +765,11 @@ impl<'a> Controller<'a> {
             lost: self.lost,
             dropped: self.dropped,
         }
+    }
+
+    /// Levels of the last whole window, and the processor's load.
+    pub fn levels(&self) -> Levels {
+        self.meter.levels(self.health.usual, self.health.period)
     }
 
     /// The table in use.
