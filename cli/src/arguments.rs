@@ -70,7 +70,7 @@ pub fn band(from: f64, to: f64) -> Result<[f64; 2], Failure> {
     if !(to.is_finite() && to > from) {
         return Err(Failure::Range);
     }
-    Ok([from, within("to", to, "performance.bands.*")?])
+    Ok([from, as_in_file("to", to, "performance.bands.*")?])
 }
 
 /// Checks a number above 0 that has the limits of `entry` in a machine file.
@@ -78,11 +78,29 @@ pub fn positive(flag: &'static str, value: f64, entry: &str) -> Result<f64, Fail
     if !(value.is_finite() && value > 0.0) {
         return Err(Failure::Option(flag));
     }
-    within(flag, value, entry)
+    as_in_file(flag, value, entry)
+}
+
+/// Checks a number from `least` to `most`; `unit` begins with a space.
+pub fn between(
+    flag: &'static str,
+    value: f64,
+    [least, most]: [f64; 2],
+    unit: &'static str,
+) -> Result<f64, Failure> {
+    if (least..=most).contains(&value) {
+        return Ok(value);
+    }
+    Err(Failure::Between {
+        flag,
+        least,
+        most,
+        unit,
+    })
 }
 
 /// Checks a finite number that has the limits of `entry` in a machine file.
-pub fn within(flag: &'static str, value: f64, entry: &str) -> Result<f64, Failure> {
+fn as_in_file(flag: &'static str, value: f64, entry: &str) -> Result<f64, Failure> {
     match Limits::of(entry) {
         Some(limits) if !limits.hold(value) => Err(Failure::Limits {
             flag,

@@ -53,17 +53,12 @@ pub enum Failure {
     Fault(String),
     #[error(transparent)]
     Plot(#[from] PlotError),
-    #[error("--{flag} must be from {least} to {most:e}")]
+    #[error("--{flag} must be from {least} to {most}{unit}")]
     Between {
         flag: &'static str,
         least: f64,
         most: f64,
-    },
-    #[error("--{flag} must be from {least} to {most} {unit}")]
-    Within {
-        flag: &'static str,
-        least: f64,
-        most: f64,
+        /// After a space; empty without one.
         unit: &'static str,
     },
     #[error("--leg-angle must be at most 89: vertical legs do not hold the machine sideways")]

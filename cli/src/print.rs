@@ -13,11 +13,15 @@ const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 
 /// Prints a result as text or as JSON.
 pub fn result<T: Display + Serialize>(format: Format, result: &T) -> Result<(), Failure> {
-    let text = match format {
+    text(&rendered(format, result))
+}
+
+/// A result as text or as JSON.
+pub fn rendered<T: Display + Serialize>(format: Format, result: &T) -> String {
+    match format {
         Format::Text => result.to_string(),
         Format::Json => json(result),
-    };
-    self::text(&text)
+    }
 }
 
 /// A result with what is suspicious about its machine.

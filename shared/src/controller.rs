@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::LEGS;
 use crate::codes::{DacCode, LegForces, Samples};
 use crate::injection::{Injection, Injector, Next, Point, Signal, UNASKED};
+use crate::levels::{Levels, Meter};
 use crate::monitors::{Monitors, Sight};
 use crate::recorder::{Record, Recorded, Recorder, Recording};
 use crate::self_test::{Answer, Course, Probe, Verdict};
@@ -245,6 +246,7 @@ pub struct Controller<'a> {
     failing: ([DacCode; LEGS], u32),
     snapshot: HistoryBuf<Record, SNAPSHOT>,
     recorder: Recorder<'a>,
+    meter: Meter,
     /// Memory of the injector.
     period: &'a mut [Point],
     /// The multisine whose period it holds.
@@ -300,6 +302,7 @@ impl<'a> Controller<'a> {
             recorder: Recorder::new(memory.records),
             period: memory.period,
             filled: None,
+            meter: Meter::NEW,
             every: 0,
             until: 0,
             telemetry: Deque::new(),
@@ -342,6 +345,7 @@ impl<'a> Controller<'a> {
         self.state = None;
         self.monitors = Monitors::NEW;
         self.record.dac = self.table.safe_codes();
+        self.meter = Meter::NEW;
         self.prepare();
         Ok(())
     }
@@ -469,6 +473,7 @@ impl<'a> Controller<'a> {
             calm: self.injector.is_none(),
         };
         let cause = self.monitors.see(table, self.mode, &sight);
+        self.meter.see(table, samples, &self.record.dac);
         let cause = cause.or_else(|| self.probed());
         if self.injector.is_some() {
             self.inject();
@@ -864,6 +869,11 @@ impl<'a> Controller<'a> {
             lost: self.lost,
             dropped: self.dropped,
         }
+    }
+
+    /// Levels of the last whole window, and the processor's load.
+    pub fn levels(&self) -> Levels {
+        self.meter.levels(self.health.usual, self.health.period)
     }
 
     /// The table in use.

@@ -21,6 +21,7 @@
 //! | `monitors` | faults of sensors, outputs and the board, found in every sample |
 //! | [`self_test`] | self-test and pilot: the answers of the sensors to each leg |
 //! | [`recorder`] | a ring buffer of samples at full rate |
+//! | [`levels`] | rms and peak of every sensor and leg, in dB of full scale |
 //! | [`controller`] | all of these together, as a board or the simulation runs them |
 //! | [`link`] | requests to a controller, and its replies, as frames |
 //!
@@ -53,6 +54,7 @@ pub mod supervisor;
 mod monitors;
 pub mod self_test;
 pub mod recorder;
+pub mod levels;
 pub mod controller;
 pub mod link;
 

@@ -417,6 +417,31 @@ fn another_table_does_not_run() {
     assert_ne!(other.validate().unwrap().checksum(), table.checksum());
 }
 
+/// A soft start waits at the documented gain of 0.03 for twice the time `settle`, and then goes on.
+#[test]
+fn a_soft_start_waits_at_a_small_gain() {
+    let mut table = *plain().get();
+    table.supervision.settle = 100;
+    // Forces too small to lower the gain.
+    table.law.paths = Paths::Direct(Direct {
+        proportional: Matrix6::identity() * 1e-3,
+        ..DIRECT
+    });
+    let mut bench = Bench::with(table.validate().unwrap(), &mut []);
+    bench.reach_idle();
+    bench.controller.ask(Event::Start).unwrap();
+    let mut waited = 0;
+    for _ in 0..2000 {
+        bench.run(1);
+        // Up to the factor from sample to sample.
+        if (0.03..0.03 * 1.01).contains(&bench.controller.report().gain) {
+            waited += 1;
+        }
+    }
+    assert!((200..=202).contains(&waited), "{waited}");
+    assert_eq!(bench.mode(), Mode::Closed);
+}
+
 /// A soft stop ends at the safe codes without a step: the last code before them is
 /// within GENTLE of the whole force.
 #[test]
@@ -615,6 +640,23 @@ fn the_link_refuses_what_is_not_its_own() {
     assert!(encode(&longest).unwrap().len() <= FRAME);
 }
 
+/// A new session does not get the telemetry that another one asked for.
+#[test]
+fn telemetry_ends_with_its_session() {
+    let mut bench = Bench::new(&mut []);
+    let (mut cutter, mut server) = (Cutter::new(), Server::new());
+    let c = &mut bench.controller;
+    let session = answer(&frame(0, 1, Request::Hello(5)), &mut cutter, &mut server, c)[0].session;
+    let telemetry = frame(session, 2, Request::Telemetry(1));
+    answer(&telemetry, &mut cutter, &mut server, c);
+    bench.run(3);
+    assert!(server.telemetry(&mut bench.controller).is_some());
+    let hello = frame(0, 1, Request::Hello(6));
+    answer(&hello, &mut cutter, &mut server, &mut bench.controller);
+    bench.run(3);
+    assert!(server.telemetry(&mut bench.controller).is_none());
+}
+
 /// A table over the link: piece by piece, refused while the loop is closed, if a bit
 /// of it is turned, if it is not the one that was said or none that the board can run;
 /// then it runs, untested, until it is forgotten.
@@ -654,8 +696,10 @@ fn a_table_comes_over_the_link() {
     assert_eq!(bench.mode(), Mode::Idle);
     let wrong = Request::Keep(length, sum ^ 1);
     assert_eq!(say(&mut bench, wrong), refused(TableError::Checksum));
-    let short = Request::Keep(length - 1, sum);
-    assert_eq!(say(&mut bench, short), refused(TableError::Encoding));
+    for length in [length - 1, length + 1] {
+        let other = Request::Keep(length, sum);
+        assert_eq!(say(&mut bench, other), refused(TableError::Encoding));
+    }
     let turn = |at: u32| {
         let byte = bytes[at as usize] ^ 4;
         Request::Piece(at, [byte].into_iter().collect())

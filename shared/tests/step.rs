@@ -7,8 +7,10 @@ use common::{DIRECT, pushed, table};
 use nalgebra::Matrix6;
 use proptest::prelude::*;
 use shared::LEGS;
-use shared::codes::{Adc, AdcCode, Dac, DacCode, Samples};
-use shared::step::{Clamp, Demand, LawState, State, force as law_force, step};
+use shared::codes::{Adc, AdcCode, Dac, DacCode, LegForces, Samples};
+use shared::step::{
+    Ahead, Clamp, Demand, Latched, LawState, State, follow, force as law_force, step,
+};
 use shared::table::{
     Channel, Complement, Direct, Feedback, Law, Modal, Paths, SECTIONS, Section, Table, TableError,
     ValidTable,
@@ -187,6 +189,30 @@ fn a_shock_is_no_offset() {
     assert!(settled.abs() <= CODE, "{settled} N");
 }
 
+/// With the loop open there is no such limit: an offset of any height is taken off before the loop
+/// is closed.
+#[test]
+fn an_open_loop_follows_every_offset() {
+    let mut t = direct(Direct {
+        proportional: Matrix6::identity() * 1e3,
+        ..DIRECT
+    });
+    t.ac_coupling = 1e-3;
+    t.ac_limit = 1e-3;
+    let t = valid(t);
+    let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
+    let offset = [AdcCode(20_000); LEGS].into();
+    let (mut ahead, mut latched) = (Ahead::NOTHING, Latched::NOTHING);
+    for _ in 0..30_000 {
+        ahead.open(&state, &LegForces::ZERO);
+        latched.latch(&t, &ahead, &offset);
+        follow(&t, &mut state, &ahead, &latched, &offset);
+        assert_eq!(latched.dac, t.safe_codes());
+    }
+    let left = force(step(&t, &mut state, offset, Demand::LAW).dac[0]);
+    assert!(left.abs() <= CODE, "{left} N");
+}
+
 /// A second of overload, then a small pull the other way: with anti-windup the
 /// legs follow within some of its time constants, without it they stay at the
 /// limit for as long as they were overloaded.
@@ -329,6 +355,9 @@ fn every_bad_field_is_refused() {
     refused(&|t| t.actuators[2].limit = 300.0, TableError::Actuator(2));
     refused(&|t| t.actuators[0].gain = 0.0, TableError::Actuator(0));
     refused(&|t| t.actuators[1].zero = f32::NAN, TableError::Actuator(1));
+    // 200 N are 26,214 codes: past one end of the range each.
+    refused(&|t| t.actuators[3].zero = 20e3, TableError::Actuator(3));
+    refused(&|t| t.actuators[3].zero = 45e3, TableError::Actuator(3));
     refused(&|t| t.dac_max = DacCode(4095), TableError::Actuator(0));
 }
 
@@ -440,6 +469,10 @@ fn force_sensors_settle_too() {
     assert_eq!(out.dac, t.safe_codes());
     assert_eq!(out.status.forces_at_rail, 0b01_0100);
     assert!(out.status.at_rail() && out.status.sensors_at_rail == 0);
+    // A start resets the law, but not what the force sensors always read.
+    state.start(&t);
+    let out = step(&t, &mut state, adc, Demand::LAW);
+    assert_eq!(out.dac, t.safe_codes());
 }
 
 #[test]

@@ -154,6 +154,15 @@ class Board:
         assert reader.at == len(reader.data), "bytes left over"
         return report
 
+    def levels(self):
+        kind, reader = self.ask(17)
+        assert kind == 8
+        window = reader.u()
+        sensors, forces, legs = [[(reader.byte(), reader.byte()) for _ in range(6)] for _ in range(3)]
+        limit, load = reader.byte(), reader.byte()
+        assert reader.at == len(reader.data), "bytes left over"
+        return window, sensors, forces, legs, limit, load
+
     def until(self, mode):
         while True:
             report = self.report()
@@ -208,6 +217,21 @@ while True:
 peak = max(r[12] for r in records) - 32768
 print(f"recorded {len(records)}, leg 1 up to {peak} codes")
 assert len(records) == 205 and peak > 1000 and all(r[13] == 32768 for r in records)
+# A sine of 50 Hz over a window: 10 N of the limit; 20·log10(√2) = 3 dB from peak to rms.
+board.done(8, varint(0) + f32(50.0) + legs + varint(3 * 5035))
+begun = board.levels()[0]
+while board.levels()[0] < begun + 2:
+    time.sleep(0.01)
+_, sensors, forces, outputs, limit, load = board.levels()
+rms, crest = outputs[0]
+amplitude = 10 ** (-crest / 40) * 32768
+print(f"leg 1 {-rms / 2} dB, peak {-crest / 2} dB: {amplitude:.0f} codes; {limit} % of the limit")
+assert abs(amplitude / peak - 1) < 0.03 and rms - crest in (5, 6, 7)
+assert all(level == (255, 255) for level in outputs[1:]), "the other legs are at rest"
+assert all(rms < 255 and rms >= crest for rms, crest in sensors)
+assert all(level == (255, 255) for level in forces) and load == 0
+while board.report()["injecting"]:
+    time.sleep(0.01)
 board.done(4)
 print("closed at", board.until("Closed")["at"])
 kind, reader = board.ask(4)

@@ -9,7 +9,7 @@ use host_gen::analysis::floors::FloorAnalysis;
 use host_gen::analysis::vibration::{Floor, STRONGEST, Spectrum, both_budgets};
 use host_gen::analysis::warnings::warnings;
 
-use crate::arguments::{Common, band, criterion};
+use crate::arguments::{Common, band, between, criterion};
 use crate::failure::{Failure, in_loop};
 use crate::print;
 use crate::search::{Searcher, study};
@@ -62,7 +62,7 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
         }
         FloorChoice { white, .. } => {
             let density = white.unwrap_or(f64::NAN);
-            within("white", density, 0.0, STRONGEST, "m/s²/√Hz")?;
+            between("white", density, [0.0, STRONGEST], " m/s²/√Hz")?;
             (
                 Floor::White(density),
                 format!("white, {density:e} m/s²/√Hz"),
@@ -71,7 +71,7 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
     };
     let study = study(model)?;
     let nyquist = 0.5 * study.machine().board.sample_rate;
-    within("to", to, from, nyquist, "Hz, half the sample rate")?;
+    between("to", to, [from, nyquist], " Hz, half the sample rate")?;
     let [low, high] = floor.range();
     if high <= from || to <= low {
         return Err(Failure::Unseen {
@@ -91,24 +91,6 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
         &FloorAnalysis::new(&study, name, open, closed),
         &warnings(&study),
     )
-}
-
-fn within(
-    flag: &'static str,
-    value: f64,
-    least: f64,
-    most: f64,
-    unit: &'static str,
-) -> Result<(), Failure> {
-    if (least..=most).contains(&value) {
-        return Ok(());
-    }
-    Err(Failure::Within {
-        flag,
-        least,
-        most,
-        unit,
-    })
 }
 
 /// Reads the spectrum in a file called `name`.

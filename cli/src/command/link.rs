@@ -1,5 +1,7 @@
 //! `host-gen link`.
 
+mod levels;
+
 use std::fmt::{self, Display, Formatter};
 use std::io;
 use std::path::PathBuf;
@@ -24,6 +26,7 @@ use crate::print;
 use crate::search::{Bar, Searcher, study};
 use crate::signals::Signals;
 use crate::waiting::waiting;
+use levels::LevelsArguments;
 
 #[derive(Args)]
 pub struct LinkArguments {
@@ -39,6 +42,24 @@ pub struct LinkArguments {
 
 #[derive(Subcommand)]
 enum Action {
+    #[command(flatten)]
+    OnBoard(OnBoard),
+    /// Send the table of a machine file to the board. The board validates it, stores it
+    /// permanently and runs it; a self-test is then needed again. Only while the legs are
+    /// at rest.
+    ///
+    /// Example: host-gen link --at /dev/ttyACM0 table models/yours.toml
+    Table(SendTableArguments),
+    /// Measure the plant on the machine, and with the loop closed also the sensitivity,
+    /// and compare them with the model.
+    ///
+    /// Example: host-gen link --at 127.0.0.1:7700 frf models/yours.toml
+    Frf(FrfArguments),
+}
+
+/// The actions that need nothing but the board.
+#[derive(Subcommand)]
+enum OnBoard {
     /// Show mode, gain, faults and counters.
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 status
@@ -119,17 +140,11 @@ enum Action {
     ///
     /// Example: host-gen link --at /dev/ttyACM0 health
     Health,
-    /// Send the table of a machine file to the board. The board validates it, stores it
-    /// permanently and runs it; a self-test is then needed again. Only while the legs are
-    /// at rest.
+    /// Show rms and peak of every sensor and leg over the last quarter of a second, the largest
+    /// leg force and the processor's load.
     ///
-    /// Example: host-gen link --at /dev/ttyACM0 table models/yours.toml
-    Table(SendTableArguments),
-    /// Measure the plant on the machine, and with the loop closed also the sensitivity,
-    /// and compare them with the model.
-    ///
-    /// Example: host-gen link --at 127.0.0.1:7700 frf models/yours.toml
-    Frf(FrfArguments),
+    /// Example: host-gen link --at /dev/ttyACM0 levels --watch
+    Levels(LevelsArguments),
 }
 
 #[derive(Args)]
@@ -246,17 +261,21 @@ pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failur
             drop(sending);
             print::result(format, &IdentityView(client.identity()?))
         }
+        Action::Table(SendTableArguments { model: None, .. }) => {
+            let mut client = connect()?;
+            client.command(Request::Forget)?;
+            print::result(format, &IdentityView(client.identity()?))
+        }
         Action::Frf(arguments) => measured(connect, arguments, format, searcher),
-        action => with_board(&mut connect()?, action, format),
+        Action::OnBoard(action) => with_board(&mut connect()?, action, format),
     }
 }
 
-/// The actions that need nothing but the board.
-fn with_board(client: &mut Client, action: &Action, format: Format) -> Result<(), Failure> {
+fn with_board(client: &mut Client, action: &OnBoard, format: Format) -> Result<(), Failure> {
     match action {
-        Action::Status => status(client, format),
-        Action::Identity => print::result(format, &IdentityView(client.identity()?)),
-        Action::SelfTest => {
+        OnBoard::Status => status(client, format),
+        OnBoard::Identity => print::result(format, &IdentityView(client.identity()?)),
+        OnBoard::SelfTest => {
             undone(
                 client,
                 "waiting for the end of the self-test",
@@ -272,11 +291,11 @@ fn with_board(client: &mut Client, action: &Action, format: Format) -> Result<()
             )?;
             status(client, format)
         }
-        Action::Start { no_wait: true } => {
+        OnBoard::Start { no_wait: true } => {
             client.command(Request::Start)?;
             status(client, format)
         }
-        Action::Start { no_wait: false } => {
+        OnBoard::Start { no_wait: false } => {
             undone(
                 client,
                 "waiting until the loop is closed",
@@ -292,7 +311,7 @@ fn with_board(client: &mut Client, action: &Action, format: Format) -> Result<()
             )?;
             status(client, format)
         }
-        Action::Stop { no_wait } => {
+        OnBoard::Stop { no_wait } => {
             client.command(Request::Stop)?;
             if !no_wait {
                 let _waiting = waiting("waiting until the legs are at rest".to_owned());
@@ -300,31 +319,27 @@ fn with_board(client: &mut Client, action: &Action, format: Format) -> Result<()
             }
             status(client, format)
         }
-        Action::Clear => {
+        OnBoard::Clear => {
             client.command(Request::Clear)?;
             status(client, format)
         }
-        Action::Gain { part } => {
+        OnBoard::Gain { part } => {
             client.command(Request::SetGain(*part))?;
             status(client, format)
         }
-        Action::Inject(arguments) => {
+        OnBoard::Inject(arguments) => {
             inject(client, arguments)?;
             status(client, format)
         }
-        Action::EndInjection => {
+        OnBoard::EndInjection => {
             client.end_injection()?;
             status(client, format)
         }
-        Action::Record(arguments) => csv(&record(client, arguments)?),
-        Action::Snapshot => csv(&client.records(Request::Snapshot)?),
-        Action::Telemetry { every, count } => telemetry(client, *every, *count),
-        Action::Health => print::result(format, &HealthView(client.health()?)),
-        Action::Table(_) => {
-            client.command(Request::Forget)?;
-            print::result(format, &IdentityView(client.identity()?))
-        }
-        Action::Frf(_) => unreachable!("it needs the model, too"),
+        OnBoard::Record(arguments) => csv(&record(client, arguments)?),
+        OnBoard::Snapshot => csv(&client.records(Request::Snapshot)?),
+        OnBoard::Telemetry { every, count } => telemetry(client, *every, *count),
+        OnBoard::Health => print::result(format, &HealthView(client.health()?)),
+        OnBoard::Levels(arguments) => levels::levels(client, arguments, format),
     }
 }
 
@@ -522,12 +537,9 @@ impl Display for IdentityView {
         let identity = &self.0;
         write!(
             f,
-            "table {:08x}, format {}, {} Hz, recorder for {} records\n  made from the model ",
-            identity.checksum, identity.format, identity.sample_rate, identity.room
+            "table {:08x}, format {}, {} Hz, recorder for {} records\n  made from the model {}",
+            identity.checksum, identity.format, identity.sample_rate, identity.room, identity.model
         )?;
-        for byte in identity.model.0 {
-            write!(f, "{byte:02x}")?;
-        }
         let sent = if identity.sent {
             "sent over the link"
         } else {

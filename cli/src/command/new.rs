@@ -11,6 +11,7 @@ use host_gen::machine::FeedbackKind;
 use host_gen::machine::schema::schema;
 use host_gen::model::template::{Mounts, Outline};
 
+use crate::arguments::between;
 use crate::failure::Failure;
 use crate::files::write_whole;
 
@@ -116,11 +117,7 @@ impl Questions {
                 .interact_text()
                 .map_err(stopped)?,
         };
-        if right(number) {
-            Ok(number)
-        } else {
-            Err(Failure::Between { flag, least, most })
-        }
+        between(flag, number, [least, most], "")
     }
 
     fn choice<T: Copy>(

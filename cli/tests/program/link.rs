@@ -288,6 +288,53 @@ fn a_closed_pipe_is_no_error() {
     }
 }
 
+/// The levels against a recording of the same noise, and windows that follow each other.
+#[test]
+fn levels_of_what_the_board_reads() {
+    let board = Board::start();
+    let mut client = Client::connect(&board.1).unwrap();
+    let first = client.levels_after(0).unwrap();
+    let recording = Recording {
+        trigger: Trigger::Now,
+        before: 0,
+        after: 10_000,
+    };
+    let (records, _) = client.record(recording).unwrap();
+    let levels = client.levels_after(first.window).unwrap();
+    assert!(levels.window > first.window);
+    for (i, level) in levels.sensors.iter().enumerate() {
+        let codes = records
+            .iter()
+            .map(|record| f64::from(record.adc.sensors[i].0));
+        let count = records.len() as f64;
+        let mean = codes.clone().sum::<f64>() / count;
+        let power = codes.map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        let rms = 10.0 * (power / 32_768f64.powi(2)).log10();
+        // Two stretches of a floor that shakes modes of little damping.
+        let got = f64::from(level.rms.decibels().unwrap());
+        assert!((got - rms).abs() < 4.0, "sensor {i}: {got}, {rms}");
+    }
+
+    // The command goes on until its reader has enough.
+    let script = format!(
+        "\"$0\" link --at {} --format json levels --watch | head -c 20000; exit ${{PIPESTATUS[0]}}",
+        board.1
+    );
+    let output = Command::new("bash")
+        .args(["-c", &script, env!("CARGO_BIN_EXE_host-gen")])
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    let printed = serde_json::Deserializer::from_slice(&output.stdout).into_iter();
+    // The last one is cut.
+    let windows: Vec<u64> = printed
+        .map_while(|window: Result<serde_json::Value, _>| window.ok())
+        .map(|window| window["window"].as_u64().unwrap())
+        .collect();
+    assert!(windows.len() > 3, "{windows:?}");
+    assert!(windows.is_sorted_by(|a, b| a < b), "{windows:?}");
+}
+
 /// The program in Python that was written from `docs/link.md`.
 #[test]
 fn a_foreign_program() {

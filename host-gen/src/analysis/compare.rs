@@ -3,7 +3,6 @@
 use serde::{Serialize, Serializer};
 use shared::LEGS;
 
-use super::digest;
 use crate::closed_loop::Pole;
 use crate::design::{Design, DesignedStudy, NoDesign, Study, StudyError};
 use crate::machine::FeedbackKind;
@@ -79,7 +78,7 @@ impl MachineColumn {
         };
         Ok(Self {
             machine: study.machine().name.clone(),
-            model_sha256: digest(study.machine()),
+            model_sha256: study.machine().digest.to_string(),
             feedback: study.design_model().feedback.name(),
             suspension_hz: of(Kind::Suspension),
             internal_hz: of(Kind::Internal),

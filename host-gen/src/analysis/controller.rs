@@ -4,7 +4,6 @@
 use serde::Serialize;
 
 use super::delay::DelayBudget;
-use super::digest;
 use super::isolation::{AT, ModeIsolation};
 use super::other_boards::{OtherBoard, other_boards};
 use super::rounding::{Rounding, rounding};
@@ -42,7 +41,7 @@ impl DesignAnalysis {
         let poles = closed.poles()?;
         Ok(Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             feedback: study.design_model().feedback.name(),
             isolation_at_hz: AT,
             modes: ModeIsolation::all(study, &closed, &poles)?,

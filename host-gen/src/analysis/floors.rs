@@ -4,7 +4,6 @@
 use serde::Serialize;
 
 use super::criterion::Criterion;
-use super::digest;
 use super::vibration::{NoiseBudget, Powers, SOURCES};
 use crate::design::Study;
 use crate::machine::Board;
@@ -247,7 +246,7 @@ impl FloorAnalysis {
         let [low_hz, high_hz] = closed.band;
         Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             feedback: study.design_model().feedback.name(),
             floor: name,
             low_hz,

@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use super::{Rows, digest, rows};
+use super::{Rows, rows};
 use crate::closed_loop::{Pole, ideal_poles};
 use crate::design::Study;
 use crate::machine::FeedbackKind;
@@ -51,7 +51,7 @@ impl GainAnalysis {
         let beam = |i: &usize| machine.beams[*i].name.clone();
         Ok(Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             feedback: design.feedback.name(),
             frequency_hz: machine.target.frequency,
             damping: machine.target.damping,

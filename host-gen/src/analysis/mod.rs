@@ -3,8 +3,6 @@
 
 use nalgebra::{Dim, Matrix, RawStorage};
 
-use crate::machine::Machine;
-
 pub mod compare;
 pub mod controller;
 pub mod criterion;
@@ -33,15 +31,4 @@ pub(crate) fn rows<R: Dim, C: Dim, S: RawStorage<f64, R, C>>(
         .row_iter()
         .map(|row| row.iter().copied().collect())
         .collect()
-}
-
-/// The digest of a machine's description, hexadecimal.
-pub(crate) fn digest(machine: &Machine) -> String {
-    use std::fmt::Write as _;
-    let mut text = String::new();
-    for byte in machine.digest.0 {
-        // Writing to a String cannot fail.
-        write!(text, "{byte:02x}").unwrap_or_default();
-    }
-    text
 }

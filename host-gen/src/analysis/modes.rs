@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Rows, digest, rows};
+use super::{Rows, rows};
 use crate::design::Study;
 use crate::model::energy::{Energies, energies};
 use crate::model::gravity::buckling_load;
@@ -71,7 +71,7 @@ impl ModeAnalysis {
         let deformations = &study.model().coordinates * &modes.shapes;
         Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             modes: modes
                 .hertz()
                 .into_iter()

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Rows, digest, rows};
+use super::{Rows, rows};
 use crate::design::Study;
 use crate::machine::{Machine, MachineError};
 use crate::plant::export::Generalised;
@@ -52,7 +52,7 @@ impl PlantMatrices {
             .collect();
         Ok(Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             inputs: machine
                 .floor
                 .iter()

@@ -4,7 +4,6 @@ use nalgebra::Complex;
 use serde::Serialize;
 use shared::table::ValidTable;
 
-use super::digest;
 use crate::closed_loop::{Pole, SampledLoop, ideal_poles, stable};
 use crate::design::Study;
 use crate::numeric::NumericError;
@@ -44,7 +43,7 @@ impl PoleAnalysis {
         };
         Ok(Self {
             machine: study.machine().name.clone(),
-            model_sha256: digest(study.machine()),
+            model_sha256: study.machine().digest.to_string(),
             feedback: study.design_model().feedback.name(),
             open: list(&plant.poles.iter().map(|p| p.lambda).collect::<Vec<_>>()),
             ideal: list(&ideal),

@@ -4,7 +4,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 use shared::table::ValidTable;
 
-use super::digest;
 use crate::closed_loop::bands::highest_db;
 use crate::closed_loop::isolation::{corner, isolation_band};
 use crate::closed_loop::{SLOWEST, SampledLoop, ideal_poles, stable};
@@ -237,7 +236,7 @@ impl RobustnessAnalysis {
         let name = |i: &usize| machine.bodies[*i].name.clone();
         Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             payload: settings.payload.iter().map(name).collect(),
             mass: settings.mass,
             cog: settings.cog,

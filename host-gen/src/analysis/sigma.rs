@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::digest;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::design::DesignedStudy;
 use crate::machine::{FeedbackKind, Machine};
@@ -135,7 +134,7 @@ impl SigmaAnalysis {
         }
         Ok(Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             hz,
             curves,
             missing,

@@ -3,7 +3,6 @@
 
 use serde::Serialize;
 
-use super::digest;
 use crate::closed_loop::{Pole, ideal_poles};
 use crate::design::study::Growth;
 use crate::design::{Study, StudyError};
@@ -48,7 +47,7 @@ impl ZeroAnalysis {
         let kinds = studies.iter().map(ZerosOfKind::new);
         Ok(Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             kinds: kinds.collect::<Result<_, _>>()?,
         })
     }

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant, SystemTime};
 use shared::LEGS;
 use shared::controller::{ControllerReport, Health, Identity, Refusal, Telemetry};
 use shared::injection::{Injection, Signal};
+use shared::levels::Levels;
 use shared::link::upload::PIECE;
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
 use shared::recorder::{Record, Recorded, Recording};
@@ -383,6 +384,34 @@ impl Client {
         match self.ask(Request::Health)? {
             Reply::Health(health) => Ok(health),
             _ => Err(LinkError::Answer),
+        }
+    }
+
+    /// Levels of the last window: rms and peak of every sensor and leg, and the processor's load.
+    ///
+    /// # Errors
+    /// As [`Client::ask`].
+    pub fn levels(&mut self) -> Result<Levels, LinkError> {
+        match self.ask(Request::Levels)? {
+            Reply::Levels(levels) => Ok(levels),
+            _ => Err(LinkError::Answer),
+        }
+    }
+
+    /// Waits for levels of another window than the one with number `window`.
+    ///
+    /// # Errors
+    /// As [`Client::wait_for`].
+    pub fn levels_after(&mut self, window: u32) -> Result<Levels, LinkError> {
+        loop {
+            let at = self.report()?.at;
+            self.wait_for(|report| report.at != at)?;
+            let levels = self.levels()?;
+            if levels.window != window {
+                return Ok(levels);
+            }
+            // A slow line has other things to carry.
+            std::thread::sleep(PATIENCE);
         }
     }
 

@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use crate::analysis::digest;
 use crate::design::Study;
 use crate::simulate::faults::DefectOutcome;
 
@@ -22,7 +21,7 @@ impl CampaignSummary {
     pub fn new(study: &Study, outcomes: Vec<DefectOutcome>) -> Self {
         Self {
             machine: study.machine().name.clone(),
-            model_sha256: digest(study.machine()),
+            model_sha256: study.machine().digest.to_string(),
             feedback: study.design_model().feedback.name(),
             bound: study.machine().supervision.safe_ramp,
             outcomes,

@@ -6,7 +6,6 @@ use serde::Serialize;
 use crate::analysis::compare::MachineComparison;
 use crate::analysis::controller::DesignAnalysis;
 use crate::analysis::criterion::Criterion;
-use crate::analysis::digest;
 use crate::analysis::floors::FloorAnalysis;
 use crate::analysis::gains::GainAnalysis;
 use crate::analysis::modes::ModeAnalysis;
@@ -194,7 +193,7 @@ impl Report {
         let gains = gains.filter(|study| study.design_model().feedback != FeedbackKind::Both);
         Ok(Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             feedback: kind.name(),
             frequency_hz: machine.target.frequency,
             damping: machine.target.damping,

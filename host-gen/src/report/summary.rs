@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use crate::analysis::digest;
 use crate::analysis::gains::GainAnalysis;
 use crate::analysis::modes::ModeAnalysis;
 use crate::analysis::warnings::{Statement, warnings};
@@ -25,7 +24,7 @@ impl SimulateSummary {
     pub fn new(study: &Study, shaped: Design, simulation: Comparison) -> Self {
         Self {
             machine: study.machine().name.clone(),
-            model_sha256: digest(study.machine()),
+            model_sha256: study.machine().digest.to_string(),
             shaped,
             simulation,
         }
@@ -62,7 +61,7 @@ impl GenerateSummary {
         let machine = study.machine();
         Ok(Self {
             machine: machine.name.clone(),
-            model_sha256: digest(machine),
+            model_sha256: machine.digest.to_string(),
             modes: ModeAnalysis::new(study),
             gains: GainAnalysis::new(study)?,
             shaped,

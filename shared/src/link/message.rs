@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::upload::PIECE;
 use crate::controller::{ControllerReport, Health, Identity, Refusal, Telemetry};
 use crate::injection::Injection;
+use crate::levels::Levels;
 use crate::recorder::{Record, Recording};
 
 /// Largest number of records in one reply.
@@ -52,6 +53,8 @@ pub enum Request {
     Forget,
     /// Request timing and stack use of the processor.
     Health,
+    /// Request the levels of the last window.
+    Levels,
 }
 
 /// A message from board to host. The order is part of the wire format.
@@ -77,4 +80,6 @@ pub enum Reply {
     Telemetry(Telemetry),
     /// Timing and stack use of the processor.
     Health(Health),
+    /// Levels of the last window.
+    Levels(Levels),
 }

@@ -178,6 +178,7 @@ impl Server {
             }
             Request::Piece(at, ref piece) => self.upload.put(at, piece).map(done),
             Request::Health => Ok(Reply::Health(controller.health())),
+            Request::Levels => Ok(Reply::Levels(controller.levels())),
         }
     }
 

@@ -14,6 +14,8 @@ mod self_test;
 mod supervision;
 mod validate;
 
+use core::fmt::{self, Display, Formatter};
+
 use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
@@ -34,6 +36,13 @@ pub const FORMAT_VERSION: u16 = 6;
 /// SHA-256 of the machine description that a table was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelDigest(pub [u8; 32]);
+
+/// Hexadecimal, 64 digits.
+impl Display for ModelDigest {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
 
 /// The quantity that the table's six sensors measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -63,6 +63,7 @@ fn main() -> ExitCode {
         Request::SetGain(0.5),
         Request::Telemetry(1),
         Request::Recording(3),
+        Request::Levels,
         Request::Forget,
         Request::Piece(0, [7; 40].into_iter().collect()),
     ];
