@@ -232,11 +232,13 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// The code nearest to `force` N, limited to 16 bits. The limit of a valid table is
+    /// The code nearest to `force` N, which must be within the limit: that of a valid table is
     /// inside the DAC's range.
     #[inline]
     pub fn code(&self, force: f32) -> DacCode {
-        DacCode((self.zero + force * self.gain + 0.5) as u16)
+        // Within the range, so that nothing is cut off; a limit to it would take two more
+        // instructions per leg.
+        DacCode((self.zero + force * self.gain + 0.5) as u32 as u16)
     }
 
     /// The force of a code, N.

@@ -387,8 +387,7 @@ impl<'a> Controller<'a> {
             self.record.adc = samples;
             if !self.holds {
                 self.latched
-                    .latch(&self.table, &self.ahead, &self.record.adc);
-                self.record.dac = self.latched.dac;
+                    .latch(&self.table, &self.ahead, &mut self.record);
             }
         }
         if self.holds {
@@ -460,9 +459,7 @@ impl<'a> Controller<'a> {
             .state
             .get_or_insert_with(|| State::settled_on(table, *samples));
         if self.holds {
-            // The outputs do not depend on the sensors, but the AC coupling follows them.
-            self.ahead.open(state, &LegForces::ZERO);
-            self.latched.latch(table, &self.ahead, samples);
+            listen(table, state, &mut self.ahead, &mut self.latched, samples);
         }
         let status = follow(table, state, &self.ahead, &self.latched, samples);
         let sight = Sight {
@@ -889,4 +886,21 @@ impl<'a> Controller<'a> {
             sent: self.sent,
         }
     }
+}
+
+/// A sample whose outputs do not depend on it: the AC coupling follows the sensors all the same.
+#[inline(never)]
+fn listen(
+    table: &ValidTable,
+    state: &State,
+    ahead: &mut Ahead,
+    latched: &mut Latched,
+    samples: &Samples,
+) {
+    ahead.open(state, &LegForces::ZERO);
+    let mut unused = Record {
+        adc: *samples,
+        ..Record::NONE
+    };
+    latched.latch(table, ahead, &mut unused);
 }

@@ -263,17 +263,23 @@ impl Probe {
             phasor.re += value * wave.im;
             phasor.im += value * wave.re;
         };
+        let Answer {
+            sensors,
+            forces,
+            dac,
+        } = answer;
+        // By index: what iterates takes twice as many instructions.
         for i in 0..LEGS {
-            add(&mut shown[i], answer.sensors[i]);
+            add(&mut shown[i], sensors[i]);
         }
         if table.complement().is_some() {
             for i in 0..LEGS {
-                add(&mut beside[i], answer.forces[i]);
+                add(&mut beside[i], forces[i]);
             }
         }
+        let (given, drives) = (&mut window.given, &table.actuators);
         for i in 0..LEGS {
-            let code = f32::from(answer.dac[i].0);
-            add(&mut window.given[i], code - table.actuators[i].zero);
+            add(&mut given[i], f32::from(dac[i].0) - drives[i].zero);
         }
     }
 

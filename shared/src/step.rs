@@ -51,6 +51,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{AdcCode, Calibration, DacCode, LegForces, Samples};
+use crate::recorder::Record;
 use crate::table::{Complement, DirectPath, Law, Modal, Paths, SECTIONS, Section, ValidTable};
 
 /// Six values: one per sensor, leg or mode.
@@ -308,8 +309,6 @@ pub struct Latched {
     asked: Values,
     /// The action of the clamp.
     clamp: Clamp,
-    /// The codes put out.
-    pub dac: [DacCode; LEGS],
 }
 
 impl Latched {
@@ -319,13 +318,14 @@ impl Latched {
         forces: [0.0; LEGS],
         asked: [0.0; LEGS],
         clamp: Clamp::Idle,
-        dac: [DacCode(0); LEGS],
     };
 
-    /// The first half of a sample: from the codes `adc` to the codes to latch.
-    #[inline]
-    pub fn latch(&mut self, table: &ValidTable, ahead: &Ahead, adc: &Samples) {
+    /// The first half of a sample: from the codes read to the codes to latch, in `record`.
+    // Within a caller, the compiler keeps every address on the stack.
+    #[inline(never)]
+    pub fn latch(&mut self, table: &ValidTable, ahead: &Ahead, record: &mut Record) {
         let t = table.get();
+        let adc = &record.adc;
         let y = calibrate(&t.sensors, &adc.sensors);
         self.w = core::array::from_fn(|i| y[i] - ahead.offsets[i]);
         let beside = t.complement();
@@ -335,12 +335,12 @@ impl Latched {
         let path = table.direct_path();
         self.asked = through(path, ahead, beside.is_some(), &self.w, &self.forces);
         self.clamp = Clamp::Idle;
-        self.dac = core::array::from_fn(|i| t.actuators[i].code(self.asked[i]));
+        record.dac = core::array::from_fn(|i| t.actuators[i].code(self.asked[i]));
         let limits = core::array::from_fn(|i| t.actuators[i].limit);
         if !inside(&self.asked, &limits) {
             let (held, clamp) = limited(&self.asked, &limits);
             self.clamp = clamp;
-            self.dac = core::array::from_fn(|i| t.actuators[i].code(held[i]));
+            record.dac = core::array::from_fn(|i| t.actuators[i].code(held[i]));
         }
     }
 }
@@ -411,10 +411,14 @@ pub fn step(table: &ValidTable, state: &mut State, adc: Samples, demand: Demand)
     let mut ahead = Ahead::NOTHING;
     ahead.close(table, state, &demand);
     let mut latched = Latched::NOTHING;
-    latched.latch(table, &ahead, &adc);
+    let mut record = Record {
+        adc,
+        ..Record::NONE
+    };
+    latched.latch(table, &ahead, &mut record);
     let status = follow(table, state, &ahead, &latched, &adc);
     Output {
-        dac: latched.dac,
+        dac: record.dac,
         status,
     }
 }
@@ -463,7 +467,6 @@ pub fn force(
         forces: *forces,
         asked,
         clamp,
-        dac: [DacCode(0); LEGS],
     };
     follow_law(law, state, demand.gain, &latched);
     (force, clamp)
@@ -569,7 +572,7 @@ fn follow_law(law: &Law, state: &mut LawState, gain: f32, latched: &Latched) {
 
 /// Sections and integrals of all modes after a sample, with `N` sections each. `r` and `free` are
 /// the inputs of the first sections: those of the sample, and of one with all values zero.
-#[inline]
+#[inline(never)]
 fn follow_modes<const N: usize>(
     modal: &Modal,
     state: &mut LawState,
@@ -583,8 +586,7 @@ fn follow_modes<const N: usize>(
         let (mut r, mut free) = (r[i], free[i]);
         let sections = channel.sections.iter().zip(&mut state.sections[i]);
         for (section, states) in sections.take(N) {
-            r = section.run(states, r);
-            free = section.output(states, free);
+            [r, free] = section.run(states, r, free);
         }
         state.free[i] = free;
         let x = state.integral[i];
@@ -640,15 +642,16 @@ impl Section {
         self.direct * u + self.band * x1 + self.low * x2
     }
 
-    /// Filters one sample.
-    #[inline]
-    fn run(&self, states: &mut [f32; 2], u: f32) -> f32 {
-        let y = self.output(states, u);
-        let [x1, x2] = states;
-        let slope = u - self.damping * *x1 - *x2;
-        *x2 += self.rate * *x1;
-        *x1 += self.rate * slope;
-        y
+    /// Filters one sample. Returns the output, and that of the next sample if the section before
+    /// gives `free` then.
+    #[inline(always)]
+    fn run(&self, states: &mut [f32; 2], u: f32, free: f32) -> [f32; 2] {
+        let [x1, x2] = *states;
+        let y = self.direct * u + self.band * x1 + self.low * x2;
+        let slope = u - self.damping * x1 - x2;
+        let [x1, x2] = [x1 + self.rate * slope, x2 + self.rate * x1];
+        *states = [x1, x2];
+        [y, self.direct * free + self.band * x1 + self.low * x2]
     }
 }
 

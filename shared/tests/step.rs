@@ -8,6 +8,7 @@ use nalgebra::Matrix6;
 use proptest::prelude::*;
 use shared::LEGS;
 use shared::codes::{Adc, AdcCode, Dac, DacCode, LegForces, Samples};
+use shared::recorder::Record;
 use shared::step::{
     Ahead, Clamp, Demand, Latched, LawState, State, follow, force as law_force, step,
 };
@@ -205,9 +206,13 @@ fn an_open_loop_follows_every_offset() {
     let (mut ahead, mut latched) = (Ahead::NOTHING, Latched::NOTHING);
     for _ in 0..30_000 {
         ahead.open(&state, &LegForces::ZERO);
-        latched.latch(&t, &ahead, &offset);
+        let mut record = Record {
+            adc: offset,
+            ..Record::NONE
+        };
+        latched.latch(&t, &ahead, &mut record);
         follow(&t, &mut state, &ahead, &latched, &offset);
-        assert_eq!(latched.dac, t.safe_codes());
+        assert_eq!(record.dac, t.safe_codes());
     }
     let left = force(step(&t, &mut state, offset, Demand::LAW).dac[0]);
     assert!(left.abs() <= CODE, "{left} N");

@@ -3,9 +3,9 @@
 use crate::common::looped_frame;
 use host_gen::simulate::Rig;
 use shared::LEGS;
-use shared::codes::DacCode;
+use shared::codes::{AdcCode, DacCode, Samples};
 use shared::controller::{Controller, Memory, Reading};
-use shared::supervisor::{Event, Mode};
+use shared::supervisor::{Event, Mode, QUIET};
 
 /// While a leg pushes with more than half its limit, the gain of a soft start falls; afterwards
 /// it grows again, and the loop closes.
@@ -64,4 +64,51 @@ fn large_forces_lower_the_gain() {
     }
     let report = controller.report();
     assert_eq!((report.mode, report.fault), (Mode::Closed, None));
+}
+
+/// When the wait of a soft start ends, the AC coupling and the law are set anew, at a gain at which
+/// the offsets of the sensors have filled the integrals: nothing jumps, on a floor that does not
+/// move. Before the forces were handed over, the lens moved more than ten times as much.
+#[test]
+fn the_end_of_the_wait_is_not_felt() {
+    let (study, table, _) = looped_frame();
+    let machine = study.machine();
+    let board = &machine.board;
+    let mut rig = Rig::new(study.plant().clone(), board, &machine.simulation);
+    rig.floor_gain = 0.0;
+    let mut controller = Controller::new(*table, table.checksum(), Memory::none());
+    let second = board.sample_rate as usize;
+    let mut sample = |controller: &mut Controller<'_>| {
+        let codes = rig.sample();
+        let sensors = core::array::from_fn(|i| {
+            // Offsets of some of the ADC's range.
+            AdcCode(codes.sensors[i].0.saturating_add(400 - 130 * i as i16))
+        });
+        let codes = Samples { sensors, ..codes };
+        let dac = controller.on_sample(Reading::from(codes));
+        rig.advance(dac).amax()
+    };
+    for event in [Event::SelfTest, Event::Start] {
+        for _ in 0..second {
+            sample(&mut controller);
+        }
+        controller.ask(event).unwrap();
+        while controller.report().mode == Mode::Testing {
+            sample(&mut controller);
+        }
+    }
+    while controller.report().gain < QUIET {
+        sample(&mut controller);
+    }
+    let wait = 2 * table.get().supervision.settle as usize;
+    let largest = |count: usize, sample: &mut dyn FnMut() -> f64| {
+        (0..count).map(|_| sample()).fold(0.0, f64::max)
+    };
+    let mut run = |count| largest(count, &mut || sample(&mut controller));
+    run(wait - second);
+    let before = run(second - 10);
+    // The gain is still below twice that of the wait.
+    let after = run(second / 10);
+    println!("{before:e} then {after:e} m/s²");
+    assert!(after < 1.5 * before, "{before:e} then {after:e} m/s²");
 }

@@ -282,7 +282,7 @@ fn add_turn(sums: &mut [Sums; LEGS], first: usize, begins: bool, code: impl Fn(u
     }
 }
 
-/// The median of six numbers: the mean of the third and the fourth. NaN counts as the smallest.
+/// The median of six numbers: the mean of the third and the fourth.
 fn median(mut x: [f32; LEGS]) -> f32 {
     // A sorting network of twelve comparisons (Knuth, The Art of Computer Programming, vol. 3,
     // 5.3.4): a general sort takes five times as many instructions.
@@ -301,9 +301,9 @@ fn median(mut x: [f32; LEGS]) -> f32 {
         (3, 4),
     ];
     for (a, b) in NETWORK {
-        let (low, high) = (x[a], x[b]);
-        if !(low <= high) {
-            (x[a], x[b]) = (high, low);
+        let (first, second) = (x[a], x[b]);
+        if first > second {
+            (x[a], x[b]) = (second, first);
         }
     }
     0.5 * (x[2] + x[3])
