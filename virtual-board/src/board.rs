@@ -5,7 +5,7 @@ use crate::chips::ad5676r::Ad5676r;
 use crate::image::Image;
 use crate::machine::{Machine, Stop};
 use crate::peripherals::rcc::Reset;
-use crate::time::{Cost, SECOND, Ticks};
+use crate::time::{Cost, SECOND, Ticks, in_seconds};
 use crate::wires::Pin;
 
 /// Outputs with a leg, and inputs with a sensor.
@@ -104,6 +104,39 @@ impl Board {
     pub fn volts(&self) -> [f64; LEGS] {
         let outputs = self.bus().dac.outputs();
         std::array::from_fn(|leg| Ad5676r::volts(outputs[leg]))
+    }
+
+    /// What the run measured of the sample interrupt, in a few lines.
+    pub fn measured(&self) -> String {
+        let bus = self.bus();
+        let counts = &bus.counts;
+        let microseconds = |ticks: Ticks| 1e6 * in_seconds(ticks);
+        let jitter = counts.latency.max - counts.latency.min;
+        format!(
+            "  {} samples, {} late; core cycles: {} per instruction, {} more per access, which \
+             are parameters\n  \
+             the interrupt begins {:.3} to {:.3} µs after its event (jitter {:.3} µs), at most \
+             {:.3} µs of it masked\n  \
+             it returns {:.1} µs after its event, at most {:.1} µs\n  \
+             instructions from codes to codes: {:.0}, at most {}; after that: {:.0}, at most {}\n  \
+             accesses to registers without waiting: ADC's frame {}, DAC's six frames {}",
+            counts.instructions.count,
+            counts.late,
+            bus.cost.instruction,
+            bus.cost.access,
+            microseconds(counts.latency.min),
+            microseconds(counts.latency.max),
+            microseconds(jitter),
+            microseconds(counts.masked),
+            1e6 * in_seconds(1) * counts.response.mean(),
+            microseconds(counts.response.max),
+            counts.latch.mean(),
+            counts.latch.max,
+            counts.follow.mean(),
+            counts.follow.max,
+            counts.adc.max,
+            counts.dac.max,
+        )
     }
 
     /// What is counted of the sample interrupt, in words: see [`crate::counts`].

@@ -1,5 +1,9 @@
 //! Counters of the sample interrupt. All are exact for the model; what they say about a
 //! real board depends on the costs of instructions and accesses, which are parameters.
+//!
+//! An access to a register is counted for the chip that it serves ([`Chip`]). Reading a
+//! status register again that was read last counts as waiting, not as another access, as in
+//! `firmware::budget`.
 
 use crate::bus::Block;
 use crate::time::Ticks;
@@ -39,6 +43,17 @@ impl Series {
     }
 }
 
+/// What an access to a register is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Chip {
+    /// The ADC's bus and pins.
+    Adc,
+    /// The DAC's.
+    Dac,
+    /// Neither.
+    Other,
+}
+
 /// The counters.
 #[derive(Clone, Debug, Default)]
 pub struct Counts {
@@ -56,6 +71,16 @@ pub struct Counts {
     pub overlapped: u64,
     /// Reads and writes of registers in the handler, in the order of their first.
     pub accesses: Vec<((Block, u32), [u64; 2])>,
+    /// Accesses of a sample for the ADC.
+    pub adc: Series,
+    /// Accesses of a sample for the DAC.
+    pub dac: Series,
+    /// Instructions from the last access for the ADC to the first for the DAC.
+    pub latch: Series,
+    /// Instructions after the last access for the DAC.
+    pub follow: Series,
+    /// Samples with an access for the DAC after their latch.
+    pub late: u64,
     /// How often each halfword of bank 1 was fetched as an instruction of the handler.
     flash: Vec<u64>,
     /// The moment of the last timer event that no handler has been entered for.
@@ -66,6 +91,22 @@ pub struct Counts {
     request: Option<Ticks>,
     inside: bool,
     current: u64,
+    sample: Sample,
+}
+
+/// What is counted in the handler that runs.
+#[derive(Clone, Debug, Default)]
+struct Sample {
+    adc: u64,
+    dac: u64,
+    /// Instructions when the ADC was last accessed, and when the DAC was, first and last.
+    adc_last: u64,
+    dac_first: u64,
+    dac_last: u64,
+    /// The last access, if it was a read.
+    read: Option<(Block, u32)>,
+    latched: bool,
+    late: bool,
 }
 
 impl Counts {
@@ -73,6 +114,9 @@ impl Counts {
     pub fn timer_event(&mut self, at: Ticks) {
         self.overlapped += u64::from(self.inside || self.event.is_some());
         self.event = Some(at);
+        if !self.inside {
+            self.sample.latched = false;
+        }
     }
 
     /// The interrupt's line is high.
@@ -93,6 +137,10 @@ impl Counts {
         }
         self.inside = true;
         self.current = 0;
+        self.sample = Sample {
+            latched: self.sample.latched,
+            ..Sample::default()
+        };
     }
 
     /// The handler has returned.
@@ -100,6 +148,15 @@ impl Counts {
         self.inside = false;
         self.request = None;
         self.instructions.push(self.current);
+        let sample = &self.sample;
+        // Without the DAC it was no sample of the loop.
+        if sample.dac > 0 {
+            self.adc.push(sample.adc);
+            self.dac.push(sample.dac);
+            self.latch.push(sample.dac_first - sample.adc_last);
+            self.follow.push(self.current - sample.dac_last);
+            self.late += u64::from(sample.late);
+        }
         if let Some(event) = self.serving.take() {
             self.response.push(at - event);
         }
@@ -145,19 +202,44 @@ impl Counts {
             .map(|(count, pc)| (pc, *count))
     }
 
+    /// The DAC's outputs take what was written.
+    pub fn latched(&mut self) {
+        self.sample.latched = true;
+    }
+
     /// An access to a register.
-    pub fn access(&mut self, block: Block, offset: u32, write: bool) {
-        if self.inside {
-            let found = self
-                .accesses
-                .iter()
-                .position(|(at, _)| *at == (block, offset));
-            // They are few.
-            let place = found.unwrap_or_else(|| {
-                self.accesses.push(((block, offset), [0; 2]));
-                self.accesses.len() - 1
-            });
-            self.accesses[place].1[usize::from(write)] += 1;
+    pub fn access(&mut self, block: Block, offset: u32, write: bool, chip: Chip) {
+        if !self.inside {
+            return;
+        }
+        let place = (block, offset);
+        let found = self.accesses.iter().position(|(at, _)| *at == place);
+        // They are few.
+        let index = found.unwrap_or_else(|| {
+            self.accesses.push((place, [0; 2]));
+            self.accesses.len() - 1
+        });
+        self.accesses[index].1[usize::from(write)] += 1;
+        if !block.is_behind_bridge() {
+            return;
+        }
+        let sample = &mut self.sample;
+        let again = !write && block.is_steady(offset) && sample.read == Some(place);
+        sample.read = (!write).then_some(place);
+        match chip {
+            Chip::Adc => {
+                sample.adc += u64::from(!again);
+                sample.adc_last = self.current;
+            }
+            Chip::Dac => {
+                if sample.dac == 0 {
+                    sample.dac_first = self.current;
+                }
+                sample.dac += u64::from(!again);
+                sample.dac_last = self.current;
+                sample.late |= sample.latched;
+            }
+            Chip::Other => {}
         }
     }
 }

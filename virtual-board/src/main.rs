@@ -55,5 +55,7 @@ fn run(cli: &Cli) -> Result<(), String> {
     };
     let mut board = Board::new(image, cost)?;
     board.machine.idle_mut().skips = !cli.no_skip;
-    serve(&mut board, &cli.converters, &cli.link)
+    serve(&mut board, &cli.converters, &cli.link)?;
+    println!("measured on the virtual board:\n{}", board.measured());
+    Ok(())
 }

@@ -286,6 +286,9 @@ fn in_the_loop(
     } else {
         session.long(cli.samples)?;
     }
+    if let Some(board) = session.board.take() {
+        board.end()?;
+    }
     let mut count = session.count;
     count.seconds = start.elapsed().as_secs_f64();
     Ok(count)
@@ -615,9 +618,11 @@ impl Session<'_> {
 
 /// An emulator with its UARTs on sockets.
 struct Emulated {
-    _process: Running,
+    process: Running,
     converters: UnixStream,
     link: UnixStream,
+    /// Whether it ends when both are closed, after it has printed what it measured.
+    ends: bool,
 }
 
 impl Emulated {
@@ -627,8 +632,24 @@ impl Emulated {
         Ok(Self {
             converters: converters.accept(&mut process)?,
             link: link.accept(&mut process)?,
-            _process: process,
+            process,
+            ends: board.machine == VIRTUAL,
         })
+    }
+
+    /// Lets the board print what it measured, if it does.
+    fn end(self) -> Outcome<()> {
+        let Self {
+            mut process,
+            converters,
+            link,
+            ends,
+        } = self;
+        drop((converters, link));
+        if ends && !process.0.wait()?.success() {
+            return Err("the virtual board failed at its end".into());
+        }
+        Ok(())
     }
 
     /// Sends a frame over the link and waits for one.

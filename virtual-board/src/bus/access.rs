@@ -2,6 +2,7 @@
 
 use super::Bus;
 use super::map::Block;
+use crate::counts::Chip;
 use crate::peripherals::gpio::Gpio;
 use crate::peripherals::rcc::{Domain, Reset};
 use crate::peripherals::spi::Spi;
@@ -12,10 +13,9 @@ use crate::wires::{Pin, pins};
 
 impl Bus {
     /// Accounts for an access, and lets happen what is due before it.
-    fn begin(&mut self, address: u32) {
+    fn begin(&mut self, block: Block) {
         self.accesses += 1;
-        // The core's own registers are reached without a bridge.
-        if address < 0xE000_0000 {
+        if block.is_behind_bridge() {
             self.now += self.ticks.1;
         }
         self.events(self.now);
@@ -29,9 +29,10 @@ impl Bus {
             ));
             return 0;
         };
-        self.begin(address);
+        self.begin(block);
         self.unsteady += u64::from(!block.is_steady(offset));
-        self.counts.access(block, offset, false);
+        let chip = served(block, offset, None);
+        self.counts.access(block, offset, false, chip);
         let answer = self
             .check(block, offset, size)
             .and_then(|()| self.read_register(block, offset, size));
@@ -53,9 +54,10 @@ impl Bus {
             ));
             return;
         };
-        self.begin(address);
+        self.begin(block);
         self.unsteady += 1;
-        self.counts.access(block, offset, true);
+        let chip = served(block, offset, Some(value));
+        self.counts.access(block, offset, true, chip);
         let done = self
             .check(block, offset, size)
             .and_then(|()| self.write_register(block, offset, size, value));
@@ -204,5 +206,26 @@ impl Bus {
             self.clock();
             self.wires();
         }
+    }
+}
+
+/// The chip that an access serves: `written` is what is written, None for a read.
+fn served(block: Block, offset: u32, written: Option<u32>) -> Chip {
+    match (block, written) {
+        (Block::Spi1, _) => Chip::Adc,
+        (Block::Spi3, _) => Chip::Dac,
+        // BSRR.
+        (Block::Gpio(port), Some(value)) if offset == 0x18 => {
+            let moves = |pin: Pin| pin.0 == port && (value | value >> 16) >> pin.1 & 1 != 0;
+            if moves(pins::CS) {
+                Chip::Adc
+            } else if moves(pins::SYNC) {
+                Chip::Dac
+            } else {
+                Chip::Other
+            }
+        }
+        (Block::Gpio(port), None) if port == pins::BUSY.0 => Chip::Adc,
+        _ => Chip::Other,
     }
 }

@@ -94,7 +94,7 @@ impl Block {
     }
 
     /// Whether a register is read without an effect, and changes with an event alone.
-    pub(super) fn is_steady(self, offset: u32) -> bool {
+    pub(crate) fn is_steady(self, offset: u32) -> bool {
         match self {
             Self::Flash => true,
             Self::Spi1 | Self::Spi3 => offset == 0x14,
@@ -104,6 +104,11 @@ impl Block {
             Self::Gpio(_) => true,
             _ => false,
         }
+    }
+
+    /// Whether it is reached over a bridge; the core's own blocks are not.
+    pub(crate) fn is_behind_bridge(self) -> bool {
+        !matches!(self, Self::Dwt | Self::Scs)
     }
 
     /// The block's clock, if it has one of its own.

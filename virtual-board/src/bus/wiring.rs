@@ -110,7 +110,11 @@ impl Bus {
             }
             pins::ADC_RESET => self.adc.reset(high),
             pins::CS => self.adc.select(!high && self.is_driven(pin)),
-            pins::LDAC => self.dac.ldac(!high, at),
+            pins::LDAC => {
+                if self.dac.ldac(!high, at) {
+                    self.counts.latched();
+                }
+            }
             pins::SYNC => {
                 if let Err(frame) = self.dac.sync(!high && self.is_driven(pin), at) {
                     self.refuse(format!("AD5676R: frame {:#08x} is not modelled", frame.0));

@@ -153,14 +153,15 @@ impl Ad5676r {
     }
 
     /// LDAC: a falling edge puts all input registers out; while it is low, every write goes
-    /// to the output at once.
-    pub fn ldac(&mut self, low: bool, now: Ticks) {
-        let falling = low && !self.ldac_low;
+    /// to the output at once. Whether it was such an edge, and not in reset.
+    pub fn ldac(&mut self, low: bool, now: Ticks) -> bool {
+        let latches = low && !self.ldac_low && !self.reset;
         self.ldac_low = low;
-        if falling && !self.reset {
+        if latches {
             self.latches += 1;
             self.put_out(now);
         }
+        latches
     }
 
     /// SYNC: low frames 24 bits; a rising edge after fewer is no frame.

@@ -9,6 +9,8 @@ use super::State;
 use super::emulator::{Core, Emulator, state};
 use super::registers::masks;
 use crate::memory::Area;
+use crate::peripherals::nvic::IRQ;
+use crate::peripherals::tim1::CC_IRQ;
 use crate::time::Ticks;
 
 pub(super) fn hook(emulator: &mut Emulator) -> Result<(), String> {
@@ -116,6 +118,10 @@ fn due(core: Core, state: &mut State, pc: u32) -> bool {
         let now = state.bus.now;
         state.bus.events(now);
     }
+    if let Some(masking) = &mut state.masking {
+        let masked = state.bus.nvic.holds_back(IRQ + CC_IRQ, masks(core));
+        masking.note(masked, state.bus.now, pc);
+    }
     let wanted = state.idle.next(&state.bus);
     if state.idle.watches(pc) {
         skip(core, state);
@@ -142,7 +148,8 @@ fn due(core: Core, state: &mut State, pc: u32) -> bool {
     }
     let look = state.idle.next(bus).unwrap_or(until);
     let next = bus.next().unwrap_or(until).min(until).min(look);
-    state.wake = if stop_at.is_some() { 0 } else { next };
+    let each = stop_at.is_some() || state.masking.is_some();
+    state.wake = if each { 0 } else { next };
     if !bus.nvic.may_preempt() {
         return false;
     }
@@ -159,7 +166,11 @@ fn skip(core: Core, state: &mut State) {
     let registers = state.idle.registers();
     let same = registers.is_some_and(|registers| crate::idle::same(core, registers));
     let next = state.bus.next().unwrap_or(Ticks::MAX).min(state.until);
+    let before = state.idle.skipped;
     state
         .idle
         .pass(same, &mut state.bus, &mut state.instructions, next);
+    if let Some(masking) = &mut state.masking {
+        masking.skip(state.idle.skipped - before);
+    }
 }

@@ -47,6 +47,8 @@ pub struct State {
     trap: Option<u32>,
     /// Permissions of pages as last set: start, size, what is allowed.
     protected: Vec<(u32, u32, Prot)>,
+    /// How long the loop's interrupt is masked, if that is measured.
+    masking: Option<Masking>,
     /// A memory access that unicorn could not carry out.
     bad_access: Option<(MemType, u32)>,
 }
@@ -60,6 +62,40 @@ impl State {
             && (dead || self.idle.is_idle(&self.bus))
             && self.bus.usart3.is_quiet()
             && self.bus.next().is_none()
+    }
+}
+
+/// How long the loop's interrupt is masked outside its handler.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Masking {
+    /// Since when it has been.
+    since: Option<Ticks>,
+    /// The longest time.
+    pub longest: Ticks,
+    /// The first instruction after that.
+    pub before: u32,
+    /// How often it was.
+    pub count: u64,
+}
+
+impl Masking {
+    /// Whole passes were skipped, in each of which it is masked and not masked again.
+    fn skip(&mut self, time: Ticks) {
+        if let Some(since) = &mut self.since {
+            *since += time;
+        }
+    }
+
+    fn note(&mut self, masked: bool, now: Ticks, pc: u32) {
+        if masked {
+            self.since.get_or_insert(now);
+        } else if let Some(since) = self.since.take() {
+            self.count += 1;
+            if now - since > self.longest {
+                self.longest = now - since;
+                self.before = pc;
+            }
+        }
     }
 }
 
@@ -107,6 +143,7 @@ impl Machine {
             trap: None,
             protected: Vec::new(),
             bad_access: None,
+            masking: None,
         };
         let mut uc = Emulator::new(state)?;
         memories::map(&mut uc)?;
@@ -193,6 +230,18 @@ impl Machine {
     /// Takes the bytes that the board has sent over the link. The program cannot see it.
     pub fn take_link(&mut self) -> Vec<u8> {
         self.uc.state_mut().bus.usart3.outgoing.drain(..).collect()
+    }
+
+    /// From now on it is measured how long the loop's interrupt is masked. The run is slower
+    /// then.
+    pub fn measure_masking(&mut self) {
+        self.uc.state_mut().masking = Some(Masking::default());
+        self.bus_mut();
+    }
+
+    /// How long the loop's interrupt was masked since [`Machine::measure_masking`].
+    pub fn masking(&self) -> Option<Masking> {
+        self.uc.state().masking
     }
 
     /// Resets the board.

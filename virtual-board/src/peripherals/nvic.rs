@@ -203,6 +203,13 @@ impl Nvic {
         (group < self.execution_priority(masks)).then_some(first)
     }
 
+    /// Whether an enabled exception that is not active would have to wait if it came now.
+    pub fn holds_back(&self, number: u16, masks: Masks) -> bool {
+        self.is_enabled(number)
+            && !self.is_active(number)
+            && self.group(self.priority(number)) >= self.execution_priority(masks)
+    }
+
     /// A fault's exception: itself, or HardFault if it is off or not above what runs.
     /// None: the core locks up (B1.5.14, B1.5.15).
     pub fn escalate(&self, fault: u16, masks: Masks) -> Option<u16> {

@@ -1,6 +1,8 @@
 //! The model itself: what is skipped makes no difference.
 
-use virtual_board::time::MILLISECOND;
+use firmware::budget::GUARD;
+use virtual_board::board::LEGS;
+use virtual_board::time::{MILLISECOND, in_seconds};
 
 use crate::lab::{Lab, Outcome};
 use shared::link::Request;
@@ -41,7 +43,7 @@ fn skipping_changes_nothing() -> Outcome {
 fn counters() -> Outcome {
     let mut lab = Lab::pushing()?;
     lab.health()?;
-    println!("{}", lab.board.counts());
+    println!("{}\n{}", lab.board.measured(), lab.board.counts());
     let counts = &lab.board.bus().counts;
     let samples = lab.board.bus().adc.samples;
     assert!(samples - counts.instructions.count <= 2, "{samples}");
@@ -49,5 +51,56 @@ fn counters() -> Outcome {
     let entry = 12 * lab.board.bus().ticks.2;
     assert!(counts.masked + entry <= counts.latency.max);
     assert!(counts.latency.min >= entry);
+    assert!(counts.latch.max + counts.follow.max <= counts.instructions.max);
+    assert_eq!(counts.late, 0);
+    Ok(())
+}
+
+/// The budget's accesses to registers are those of the image.
+#[test]
+fn accesses_are_those_of_the_budget() -> Outcome {
+    let lab = Lab::pushing()?;
+    let counts = &lab.board.bus().counts;
+    let [adc, dac] = firmware::budget::ACCESSES.map(u64::from);
+    let six = LEGS as u64 * dac;
+    assert_eq!((counts.adc.min, counts.adc.max), (adc, adc));
+    assert_eq!((counts.dac.min, counts.dac.max), (six, six));
+    Ok(())
+}
+
+/// No critical section takes longer than the time before the loop's interrupt in which none
+/// begins; requests of all lengths.
+#[test]
+fn critical_sections_are_short() -> Outcome {
+    let mut lab = Lab::pushing()?;
+    lab.board.machine.measure_masking();
+    for request in [
+        Request::Report,
+        Request::Health,
+        Request::Identity,
+        Request::Snapshot(0),
+        Request::Recording(0),
+        Request::Telemetry(50),
+        Request::Piece(0, [0; 256].into_iter().collect()),
+        Request::Stop,
+    ] {
+        lab.ask(request)?;
+    }
+    lab.board.run(10 * MILLISECOND)?;
+    let masking = lab.board.machine.masking().ok_or("nothing is measured")?;
+    let microseconds = 1e6 * in_seconds(masking.longest);
+    let function = lab.board.image.function(masking.before);
+    println!(
+        "longest time with the loop's interrupt masked: {microseconds:.2} µs of {}, before {} ({:#010x})",
+        masking.count,
+        function.map_or("?", |symbol| &symbol.name),
+        masking.before
+    );
+    assert!(masking.count > 100, "{masking:?}");
+    assert!(microseconds > 0.1, "{masking:?}");
+    assert!(
+        in_seconds(masking.longest) < f64::from(GUARD),
+        "{masking:?}"
+    );
     Ok(())
 }

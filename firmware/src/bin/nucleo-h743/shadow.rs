@@ -4,8 +4,8 @@
 //! interrupt is due delays the loop. Below the loop's priority, a critical section therefore
 //! begins only if the interrupt is at least [`GUARD`](firmware::budget::GUARD) away, else after the sample. Every one of
 //! the image is shorter than that: requests of the link, the copy of the table once a second,
-//! reading an output back, one word of flash, a line of the log. The virtual board measures the
-//! longest.
+//! reading an output back, one word of flash, a line of the log. A scene of the virtual
+//! board measures the longest: reading an output back.
 
 use core::arch::asm;
 
