@@ -257,9 +257,13 @@ fn an_accepted_target_is_reached() {
 /// The same body on legs of one spring each: 58 Hz is the nearest that this search finds.
 #[test]
 fn a_target_far_below_reach_is_refused() {
-    // Asked for 1 Hz, it says the same, after a longer search.
-    let edit = [("frequency = 1\n", "frequency = 40\n")];
+    // Asked for 1 Hz, it says the same, after a longer search. Without force sensors it does not
+    // look for what both kinds would reach, which `a_limit_by_zeros_is_named` tests.
+    let forces = (0..6).map(|i| format!("f_leg{i} = {{ beam = \"leg{i}\" }}\n"));
+    let forces = format!("[sensors.force]\n{}", forces.collect::<String>());
+    let edit = [("frequency = 1\n", "frequency = 40\n"), (&forces, "")];
     let refusal = refusal(&edited_case("machines/stiff-legs.toml", &edit));
+    assert_eq!(refusal.both, None);
     let Advice::Nearest(hz) = refusal.advice else {
         panic!("{refusal}");
     };
