@@ -1,6 +1,7 @@
 //! The reference board's time, from the counted instructions.
 
-use firmware::budget::{Budget, GUARD, LIMITS, READ};
+use firmware::budget::{ADC_CLOCK, BEGIN, Budget, DAC_CLOCK, GUARD, LIMITS};
+use firmware::converters::{ad5676r, ad7606};
 use firmware::tables;
 
 /// Of the Cortex-M7 with a modal law and the loop closed, from the kept baseline.
@@ -24,13 +25,22 @@ fn the_limits_hold_the_longest_sample() {
     let left = 1.0 / f64::from(LIMITS.rate) - longest.busy() - f64::from(GUARD);
     assert!(left > 1e-6, "{longest:?}");
     let usual = Budget::new(instructions("closed"), latch);
-    assert!(f64::from(begun) < READ + usual.read, "{usual:?}");
+    assert!(f64::from(begun) < BEGIN + usual.read, "{usual:?}");
     println!(
         "usual {:.1} µs, longest {:.1} µs, ready after {:.1} µs",
         1e6 * usual.busy(),
         1e6 * longest.busy(),
         1e6 * longest.ready()
     );
+}
+
+/// The converters' limits hold on the internal oscillator too, which is exact to 1 %, and the
+/// longest conversion has ended when its frame begins.
+#[test]
+fn the_converters_limits_hold() {
+    assert!(1.01 * ADC_CLOCK < f64::from(ad7606::CLOCK));
+    assert!(1.01 * DAC_CLOCK < f64::from(ad5676r::CLOCK));
+    assert!(0.99 * BEGIN > ad7606::CONVERSION);
 }
 
 /// The board runs its own table, and neither the one with sensors it has no inputs for

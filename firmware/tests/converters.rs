@@ -2,13 +2,11 @@
 //! what a bus does wrong included.
 
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
-use embedded_hal_mock::eh1::MockError;
-use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as PinAt};
 use embedded_hal_mock::eh1::spi::{Mock, Transaction};
 use firmware::converters::ad5676r::{self, Ad5676r, DacChannel, DacCommand, DacError};
-use firmware::converters::ad7606::{self, Ad7606, AdcError};
+use firmware::converters::ad7606::{self, Lines};
 use shared::LEGS;
-use shared::codes::{AdcCode, DacCode};
+use shared::codes::DacCode;
 
 /// A bus that fails after so many transfers, and says how many it was asked for.
 struct Failing {
@@ -32,56 +30,12 @@ impl SpiDevice for &mut Failing {
 }
 
 /// AD7606, output coding: full scale −32768 is 0x8000, full scale less one LSB 0x7FFF,
-/// 0 V 0x0000; V1 first, the highest bit first.
-const WIRE: [u8; ad7606::FRAME] = [
-    0x80, 0x00, 0x7F, 0xFF, 0x00, 0x00, 0x00, 0x01, 0xFF, 0xFF, 0x12, 0x34,
-];
-const READ: [i16; LEGS] = [-32768, 32767, 0, 1, -1, 0x1234];
-
+/// 0 V 0x0000; V1 to V3 from DOUTA, V5 to V7 from DOUTB, the highest bit first.
 #[test]
 fn adc_codes_are_the_data_sheets() {
-    assert_eq!(ad7606::decode(&WIRE).map(|code| code.0), READ);
-}
-
-#[test]
-fn a_read_is_one_frame_after_busy() {
-    let mut device = Mock::new(&[
-        Transaction::transaction_start(),
-        Transaction::read_vec(WIRE.to_vec()),
-        Transaction::transaction_end(),
-    ]);
-    let mut busy = Pin::new(&[PinAt::get(State::Low)]);
-    let mut adc = Ad7606::new(device.clone(), busy.clone());
-    assert_eq!(adc.read(), Ok(READ.map(AdcCode)));
-    device.done();
-    busy.done();
-}
-
-/// BUSY stuck high: nothing is clocked, nothing is taken for a sample.
-#[test]
-fn busy_is_an_error() {
-    let mut device = Mock::<u8>::new(&[]);
-    let mut busy = Pin::new(&[PinAt::get(State::High)]);
-    let mut adc = Ad7606::new(device.clone(), busy.clone());
-    assert_eq!(adc.read(), Err(AdcError::Busy));
-    device.done();
-    busy.done();
-}
-
-/// A bus that fails, and a pin that does.
-#[test]
-fn a_read_that_fails_is_an_error() {
-    let broken = MockError::Io(std::io::ErrorKind::NotConnected);
-    let mut busy = Pin::new(&[
-        PinAt::get(State::Low),
-        PinAt::get(State::Low).with_error(broken),
-    ]);
-    let mut bus = Failing { good: 0, asked: 0 };
-    let mut adc = Ad7606::new(&mut bus, busy.clone());
-    assert_eq!(adc.read(), Err(AdcError::Bus));
-    assert_eq!(adc.read(), Err(AdcError::Bus));
-    busy.done();
-    assert_eq!(bus.asked, 1);
+    let lines: Lines = [[0x8000, 0x7FFF, 0x0000], [0x0001, 0xFFFF, 0x1234]];
+    let codes = [-32768, 32767, 0, 1, -1, 0x1234];
+    assert_eq!(ad7606::decode(lines).map(|code| code.0), codes);
 }
 
 const CODES: [DacCode; LEGS] = [
@@ -125,16 +79,20 @@ fn framed(bytes: [u8; ad5676r::FRAME]) -> [Transaction<u8>; 3] {
     ]
 }
 
-/// Six frames, one a channel, SYNC high in between; no output moves before LDAC.
+/// Six frames, one a channel; no output moves before LDAC.
 #[test]
 fn a_write_is_six_frames() {
-    let mut expected = Vec::new();
-    for (i, code) in CODES.iter().enumerate() {
-        let [high, low] = code.0.to_be_bytes();
-        expected.extend(framed([0x10 | i as u8, high, low]));
-    }
-    let mut device = Mock::new(&expected);
-    assert_eq!(Ad5676r::new(device.clone()).write(CODES), Ok(()));
+    let mut device = Mock::new(&[]);
+    let frames = Ad5676r::new(device.clone()).frames(CODES);
+    let expected = [
+        [0x10, 0x80, 0x00],
+        [0x11, 0x00, 0x00],
+        [0x12, 0xFF, 0xFF],
+        [0x13, 0x12, 0x34],
+        [0x14, 0x00, 0x01],
+        [0x15, 0x7F, 0xFF],
+    ];
+    assert_eq!(frames, expected);
     device.done();
 }
 
@@ -165,14 +123,6 @@ fn a_start_reads_back() {
     device.done();
 }
 
-/// Six writes.
-fn written(codes: [DacCode; LEGS]) -> impl Iterator<Item = Transaction<u8>> {
-    (0..).zip(codes).flat_map(|(i, code)| {
-        let [high, low] = code.0.to_be_bytes();
-        framed([0x10 | i, high, low])
-    })
-}
-
 /// A question for a channel's code, and the answer.
 fn read_back(channel: u8, code: u16) -> impl Iterator<Item = Transaction<u8>> {
     let [high, low] = code.to_be_bytes();
@@ -184,38 +134,33 @@ fn read_back(channel: u8, code: u16) -> impl Iterator<Item = Transaction<u8>> {
     framed([0x90 | channel, 0, 0]).into_iter().chain(answer)
 }
 
-/// While the loop runs, one channel after the other is read back: the code of the last write,
-/// or of the one before it if LDAC has not come. Any other is an error.
+/// While the loop runs, one channel after the other is read back: the code of the last frames,
+/// or of those before them if LDAC has not come. Any other is an error.
 #[test]
 fn outputs_are_read_back_in_turn() {
     let codes = |base: u16| [0, 1, 2, 3, 4, 5].map(|i| DacCode(base + i));
-    let mut expected: Vec<_> = written(codes(100)).chain(written(codes(200))).collect();
+    let mut expected = Vec::new();
     let found = [200, 101, 0xFFFF, 203, 104, 205, 0, 201];
     for (channel, code) in (0..).zip(found) {
         expected.extend(read_back(channel % 6, code));
     }
     let mut device = Mock::new(&expected);
     let mut dac = Ad5676r::new(device.clone());
-    assert_eq!(dac.write(codes(100)), Ok(()));
-    assert_eq!(dac.write(codes(200)), Ok(()));
+    dac.frames(codes(100));
+    dac.frames(codes(200));
     let outcomes = found.map(|_| dac.read_back().is_ok());
     // 0xFFFF is a wire that is stuck high, 0 one that is stuck low.
     assert_eq!(outcomes, [true, true, false, true, true, true, false, true]);
     device.done();
 }
 
-/// A transfer that fails ends a write at once, wherever it is.
+/// A transfer that fails ends a start at once, wherever it is.
 #[test]
-fn a_write_that_fails_is_an_error() {
-    for good in 0..LEGS {
+fn a_start_that_fails_is_an_error() {
+    for good in 0..10 {
         let mut bus = Failing { good, asked: 0 };
-        let found = Ad5676r::new(&mut bus).write(CODES);
+        let found = Ad5676r::new(&mut bus).start(CODES);
         assert_eq!(found, Err(DacError::Bus));
         assert_eq!(bus.asked, good + 1);
     }
-    let mut bus = Failing {
-        good: LEGS,
-        asked: 0,
-    };
-    assert_eq!(Ad5676r::new(&mut bus).write(CODES), Ok(()));
 }

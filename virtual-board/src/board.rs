@@ -6,10 +6,8 @@ use crate::image::Image;
 use crate::machine::{Machine, Stop};
 use crate::peripherals::rcc::Reset;
 use crate::time::{Cost, SECOND, Ticks, in_seconds};
+pub use crate::wires::LEGS;
 use crate::wires::Pin;
-
-/// Outputs with a leg, and inputs with a sensor.
-pub const LEGS: usize = 6;
 
 /// Longest time between two samples while the plant waits for one: the board starts, or
 /// erases flash.
@@ -226,7 +224,7 @@ impl Board {
         }
     }
 
-    /// One sample with these codes of V1 to V6: from CONVST until the board waits for the
+    /// One sample with these codes of the sensors: from CONVST until the board waits for the
     /// next one. Returns the codes on the outputs after the sample's latch. If that is
     /// later than the next sample (a latch beyond the period), those are returned that wait
     /// for it, because the plant is simulated sample by sample.
@@ -234,7 +232,7 @@ impl Board {
     /// # Errors
     /// As for [`Board::settle`].
     pub fn sample(&mut self, codes: [i16; LEGS]) -> Result<[u16; LEGS], Unmodelled> {
-        self.machine.answer(&codes);
+        self.machine.answer(codes);
         self.settle()?;
         let latest = self.bus().dac.latest();
         Ok(std::array::from_fn(|leg| latest[leg]))

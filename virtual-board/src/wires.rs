@@ -41,6 +41,12 @@ impl std::fmt::Debug for Pin {
     }
 }
 
+/// Outputs with a leg, and inputs with a sensor.
+pub const LEGS: usize = 6;
+
+/// The AD7606's inputs with a sensor, in the table's order: V1 is 0.
+pub const INPUTS: [usize; LEGS] = [0, 1, 2, 4, 5, 6];
+
 /// The pins with wires on the board (`docs/board.md`, Wiring).
 pub mod pins {
     use super::Pin;
@@ -51,16 +57,20 @@ pub mod pins {
     pub const BUSY: Pin = Pin(6, 12);
     /// AD7606 RESET.
     pub const ADC_RESET: Pin = Pin(4, 14);
-    /// AD7606 CS.
-    pub const CS: Pin = Pin(3, 14);
-    /// AD7606 SCLK; SPI1 SCK.
-    pub const ADC_SCLK: Pin = Pin(0, 5);
-    /// AD7606 DOUTA; SPI1 MISO.
-    pub const DOUTA: Pin = Pin(0, 6);
+    /// AD7606 CS; SPI4 NSS.
+    pub const CS: Pin = Pin(4, 4);
+    /// AD7606 SCLK; SPI4 SCK.
+    pub const ADC_SCLK: Pin = Pin(4, 2);
+    /// AD7606 DOUTA; SPI4 MISO.
+    pub const DOUTA: Pin = Pin(4, 5);
+    /// AD7606 SCLK too; SPI5 SCK.
+    pub const DOUTB_SCLK: Pin = Pin(5, 7);
+    /// AD7606 DOUTB; SPI5 MOSI.
+    pub const DOUTB: Pin = Pin(5, 9);
     /// AD5676R LDAC; TIM1 channel 3.
     pub const LDAC: Pin = Pin(4, 13);
-    /// AD5676R SYNC.
-    pub const SYNC: Pin = Pin(3, 2);
+    /// AD5676R SYNC; SPI3 NSS.
+    pub const SYNC: Pin = Pin(0, 4);
     /// AD5676R SCLK; SPI3 SCK.
     pub const DAC_SCLK: Pin = Pin(2, 10);
     /// AD5676R SDI; SPI3 MOSI.

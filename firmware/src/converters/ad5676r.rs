@@ -89,15 +89,15 @@ pub enum DacError {
 #[derive(Debug)]
 pub struct Ad5676r<S> {
     device: S,
-    /// Codes of the last write, and of the one before it.
+    /// Codes of the last frames, and of those before them.
     written: [[DacCode; LEGS]; 2],
     /// The channel to read back next.
     next: DacChannel,
 }
 
 impl<S: SpiDevice> Ad5676r<S> {
-    /// A driver on `device`, which must frame each transfer with SYNC and use SPI mode 1 or 2
-    /// at up to [`CLOCK`], or [`READ_CLOCK`] where codes are read back.
+    /// A driver on `device`, which must frame each transfer with SYNC and use SPI mode 1 or 2:
+    /// at up to [`CLOCK`] where it only writes, or [`READ_CLOCK`] where it reads too.
     pub const fn new(device: S) -> Self {
         Self {
             device,
@@ -124,21 +124,20 @@ impl<S: SpiDevice> Ad5676r<S> {
         Ok(())
     }
 
-    /// Writes the codes that the outputs take at the next LDAC.
-    ///
-    /// # Errors
-    /// If the bus fails.
-    pub fn write(&mut self, codes: [DacCode; LEGS]) -> Result<(), DacError> {
-        for (channel, code) in DacChannel::ALL.into_iter().zip(codes) {
-            self.send(DacCommand::Write(channel, code))?;
-        }
+    /// The frames that write the codes which the outputs take at the next LDAC, each with SYNC
+    /// of its own. The bus sends them.
+    pub fn frames(&mut self, codes: [DacCode; LEGS]) -> [[u8; FRAME]; LEGS] {
         let [last, _] = self.written;
         self.written = [codes, last];
-        Ok(())
+        let mut frames = [[0; FRAME]; LEGS];
+        for ((frame, channel), code) in frames.iter_mut().zip(DacChannel::ALL).zip(codes) {
+            *frame = DacCommand::Write(channel, code).encode();
+        }
+        frames
     }
 
     /// Reads the code of one output back, of each call's the next one, so that a broken wire is
-    /// noticed while the loop runs. It must be the code of the last write, or of the one before
+    /// noticed while the loop runs. It must be the code of the last frames, or of those before
     /// if LDAC has not come yet.
     ///
     /// # Errors
@@ -160,7 +159,7 @@ impl<S: SpiDevice> Ad5676r<S> {
         }
     }
 
-    /// The bus, for example to change its clock.
+    /// The bus.
     pub const fn device(&mut self) -> &mut S {
         &mut self.device
     }

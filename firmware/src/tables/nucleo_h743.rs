@@ -15,15 +15,15 @@ use shared::table::{
 pub static TABLE: ValidTable = match (Table {
     version: 6,
     model: ModelDigest([
-        0xf5, 0x77, 0xbf, 0x35, 0x43, 0x88, 0x6e, 0x0d,
-        0x0d, 0xc0, 0xab, 0x25, 0x6b, 0xdc, 0x8d, 0x59,
-        0x14, 0x34, 0xb4, 0xf4, 0x4e, 0x4d, 0x92, 0x30,
-        0xc8, 0x07, 0x97, 0xb6, 0x48, 0x5b, 0xfe, 0xe7,
+        0xc9, 0x56, 0x39, 0xaa, 0x19, 0x98, 0xd9, 0x1f,
+        0x36, 0xb2, 0x81, 0x04, 0x5d, 0xd1, 0xc8, 0x43,
+        0x86, 0x8e, 0xd1, 0x13, 0xfc, 0xa5, 0x1e, 0xdb,
+        0x73, 0x5f, 0x5e, 0x72, 0x9c, 0x2c, 0xf4, 0x1f,
     ]),
     // Hz.
     sample_rate: 20000.0,
     // s.
-    latch: 2.8e-5,
+    latch: 1.5e-5,
     feedback: Feedback::Acceleration,
     // m/s² per code.
     sensors: [
@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0047535026,
+    ac_limit: 0.004800354,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,48 +53,48 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.011145931, damping: 3.909619, direct: 0.00032885608, band: 0.039364815, low: 0.99967116 },
-                        Section { rate: 0.20990509, damping: 2.0, direct: 1.0361542, band: -0.036475208, low: -0.036154203 },
+                        Section { rate: 0.006597884, damping: 3.2474635, direct: 0.0016240254, band: 0.24746728, low: 0.99837595 },
+                        Section { rate: 0.08730522, damping: 1.4937859, direct: 0.32736793, band: 1.0072356, low: 0.6726321 },
                         Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.011145931, damping: 3.909619, direct: 0.00032885608, band: 0.039364815, low: 0.99967116 },
-                        Section { rate: 0.20990509, damping: 2.0, direct: 1.0361542, band: -0.036475208, low: -0.036154203 },
+                        Section { rate: 0.006597884, damping: 3.2474635, direct: 0.0016240254, band: 0.24746728, low: 0.99837595 },
+                        Section { rate: 0.08730522, damping: 1.4937859, direct: 0.32736793, band: 1.0072356, low: 0.6726321 },
                         Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.008958613, damping: 4.1953826, direct: 0.00071331824, band: 0.085589714, low: 0.9992867 },
-                        Section { rate: 0.20990509, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.008492678, damping: 5.9720445, direct: 0.0009937224, band: 0.119567424, low: 0.9990063 },
+                        Section { rate: 0.1572478, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
                         Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.010673132, damping: 5.283318, direct: 0.0006040947, band: 0.06408109, low: 0.9993959 },
-                        Section { rate: 0.20990509, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.011055233, damping: 10.087413, direct: 0.00056201173, band: 0.056222703, low: 0.999438 },
+                        Section { rate: 0.1572478, damping: 2.0, direct: 1.0065978, band: 0.062007766, low: -0.0065978104 },
                         Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.010673132, damping: 5.283318, direct: 0.0006040947, band: 0.06408109, low: 0.9993959 },
-                        Section { rate: 0.20990509, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.011055233, damping: 10.087413, direct: 0.00056201173, band: 0.056222703, low: 0.999438 },
+                        Section { rate: 0.1572478, damping: 2.0, direct: 1.0065978, band: 0.062007766, low: -0.0065978104 },
                         Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.01272953, damping: 8.472071, direct: 0.000682597, band: 0.060569633, low: 0.9993174 },
-                        Section { rate: 0.20990509, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0085134385, damping: 9.315609, direct: 0.00033922956, band: 0.045199674, low: 0.9996608 },
+                        Section { rate: 0.11682442, damping: 2.0, direct: 0.6353672, band: 1.4424157, low: 0.36463282 },
                         Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
@@ -131,17 +131,17 @@ pub static TABLE: ValidTable = match (Table {
         amplitude: 10.0,
         settle: 2000,
         measure: 5000,
-        pilot: 0.02412,
+        pilot: 0.02413,
         watch: 10000,
         tolerance: 0.4,
         // By leg: what each sensor answers a push of 1 N.
         sensors: [
-            [p(0.002634, -0.0004865), p(0.004332, -0.0007994), p(0.001463, -0.0002701), p(-0.0007405, 0.0001365), p(-0.000734, 0.0001355), p(-0.001456, 0.000269)],
-            [p(-0.002634, 0.0004865), p(0.004332, -0.0007994), p(-0.001456, 0.000269), p(-0.000734, 0.0001355), p(-0.0007405, 0.0001365), p(0.001463, -0.0002701)],
-            [p(0.001208, -0.0002231), p(-0.000734, 0.0001355), p(0.002279, -0.000421), p(0.004332, -0.0007994), p(-0.0007405, 0.0001365), p(-0.00064, 0.000118)],
-            [p(-0.001214, 0.0002241), p(-0.0007405, 0.0001365), p(-0.002283, 0.0004216), p(0.004332, -0.0007994), p(-0.000734, 0.0001355), p(0.0006362, -0.0001175)],
-            [p(0.001214, -0.0002241), p(-0.0007405, 0.0001365), p(0.0006362, -0.0001175), p(-0.000734, 0.0001355), p(0.004332, -0.0007994), p(-0.002283, 0.0004216)],
-            [p(-0.001208, 0.0002231), p(-0.000734, 0.0001355), p(-0.00064, 0.000118), p(-0.0007405, 0.0001365), p(0.004332, -0.0007994), p(0.002279, -0.000421)],
+            [p(0.002634, -0.0004849), p(0.004333, -0.0007962), p(0.001464, -0.000269), p(-0.0007406, 0.0001358), p(-0.000734, 0.0001351), p(-0.001456, 0.0002682)],
+            [p(-0.002634, 0.0004849), p(0.004333, -0.0007962), p(-0.001456, 0.0002682), p(-0.000734, 0.0001351), p(-0.0007406, 0.0001358), p(0.001464, -0.000269)],
+            [p(0.001208, -0.0002225), p(-0.000734, 0.0001351), p(0.00228, -0.0004197), p(0.004333, -0.0007962), p(-0.0007406, 0.0001358), p(-0.00064, 0.0001175)],
+            [p(-0.001214, 0.0002231), p(-0.0007406, 0.0001358), p(-0.002283, 0.0004201), p(0.004333, -0.0007962), p(-0.000734, 0.0001351), p(0.0006362, -0.0001171)],
+            [p(0.001214, -0.0002231), p(-0.0007406, 0.0001358), p(0.0006362, -0.0001171), p(-0.000734, 0.0001351), p(0.004333, -0.0007962), p(-0.002283, 0.0004201)],
+            [p(-0.001208, 0.0002225), p(-0.000734, 0.0001351), p(-0.00064, 0.0001175), p(-0.0007406, 0.0001358), p(0.004333, -0.0007962), p(0.00228, -0.0004197)],
         ],
         forces: [
             [p(0.0, 0.0), p(0.0, 0.0), p(0.0, 0.0), p(0.0, 0.0), p(0.0, 0.0), p(0.0, 0.0)],
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0xc929e975;
+pub const CHECKSUM: u32 = 0x970dc040;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

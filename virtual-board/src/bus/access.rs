@@ -3,12 +3,13 @@
 use super::Bus;
 use super::map::Block;
 use crate::counts::Chip;
+use crate::peripherals::dma::Dma;
 use crate::peripherals::gpio::Gpio;
 use crate::peripherals::rcc::{Domain, Reset};
-use crate::peripherals::spi::Spi;
 use crate::peripherals::syscfg::Syscfg;
 use crate::peripherals::tim1::Tim1;
 use crate::peripherals::{Refusal, dwt, unknown};
+use crate::time::Ticks;
 use crate::wires::{Pin, pins};
 
 impl Bus {
@@ -31,7 +32,7 @@ impl Bus {
         };
         self.begin(block);
         self.unsteady += u64::from(!block.is_steady(offset));
-        let chip = served(block, offset, None);
+        let chip = served(block);
         self.counts.access(block, offset, false, chip);
         let answer = self
             .check(block, offset, size)
@@ -56,12 +57,13 @@ impl Bus {
         };
         self.begin(block);
         self.unsteady += 1;
-        let chip = served(block, offset, Some(value));
+        let chip = served(block);
         self.counts.access(block, offset, true, chip);
         let done = self
             .check(block, offset, size)
             .and_then(|()| self.write_register(block, offset, size, value));
         self.lines(self.now);
+        self.requests(self.now);
         self.schedule();
         if let Err(why) = done {
             let register = block.register(offset);
@@ -88,8 +90,11 @@ impl Bus {
         let now = self.now;
         let sampling = self.gate.sampling(now);
         match block {
-            Block::Spi1 => self.spi1.read(offset, size),
             Block::Spi3 => self.spi3.read(offset, size),
+            Block::Spi4 => self.spi4.read(offset, size),
+            Block::Spi5 => self.spi5.read(offset, size),
+            Block::Dma1 => self.dma.read(offset),
+            Block::Dmamux1 => self.dma.read_mux(offset),
             Block::Usart3 => self.usart3.read(offset),
             Block::Tim1 => self.tim1.read(offset, sampling),
             Block::Flash => self.flash.read(offset),
@@ -122,8 +127,11 @@ impl Bus {
         let now = self.now;
         let sampling = self.gate.sampling(now);
         match block {
-            Block::Spi1 => self.spi1.write(offset, size, value, now),
-            Block::Spi3 => self.spi3.write(offset, size, value, now),
+            Block::Spi3 | Block::Spi4 | Block::Spi5 => {
+                self.write_spi(block, offset, size, value, now)
+            }
+            Block::Dma1 => self.dma.write(offset, value),
+            Block::Dmamux1 => self.dma.write_mux(offset, value),
             Block::Usart3 => self.usart3.write(offset, value, now),
             Block::Tim1 => {
                 self.tim1.write(offset, value, sampling)?;
@@ -153,6 +161,26 @@ impl Bus {
             Block::Dwt => self.dwt.write(offset, value, sampling, self.core),
             Block::Scs => self.write_core(offset, size, value),
         }
+    }
+
+    /// A write to a register of an SPI, by the core or the DMA, at a moment.
+    pub(super) fn write_spi(
+        &mut self,
+        block: Block,
+        offset: u32,
+        size: usize,
+        value: u32,
+        at: Ticks,
+    ) -> Result<(), Refusal> {
+        match block {
+            Block::Spi3 => self.spi3.write(offset, size, value, at)?,
+            Block::Spi4 => self.spi4.write(offset, size, value, at)?,
+            Block::Spi5 => self.spi5.write(offset, size, value, at)?,
+            _ => return unknown(),
+        }
+        self.drive(pins::CS, at);
+        self.drive(pins::SYNC, at);
+        Ok(())
     }
 
     fn write_gpio(&mut self, port: u8, offset: u32, value: u32) -> Result<(), Refusal> {
@@ -197,8 +225,10 @@ impl Bus {
                 Domain::Gpio(port) => {
                     self.gpio[usize::from(port)] = Gpio::new(usize::from(port));
                 }
-                Domain::Spi1 => self.spi1 = Spi::default(),
-                Domain::Spi3 => self.spi3 = Spi::default(),
+                Domain::Dma1 => self.dma = Dma::default(),
+                Domain::Spi3 => self.spi3.reset(),
+                Domain::Spi4 => self.spi4.reset(),
+                Domain::Spi5 => self.spi5.reset(),
                 Domain::Syscfg => self.syscfg = Syscfg::default(),
                 Domain::Tim1 => self.tim1 = Tim1::default(),
                 Domain::Usart3 => self.usart3.reset(),
@@ -209,23 +239,12 @@ impl Bus {
     }
 }
 
-/// The chip that an access serves: `written` is what is written, None for a read.
-fn served(block: Block, offset: u32, written: Option<u32>) -> Chip {
-    match (block, written) {
-        (Block::Spi1, _) => Chip::Adc,
-        (Block::Spi3, _) => Chip::Dac,
-        // BSRR.
-        (Block::Gpio(port), Some(value)) if offset == 0x18 => {
-            let moves = |pin: Pin| pin.0 == port && (value | value >> 16) >> pin.1 & 1 != 0;
-            if moves(pins::CS) {
-                Chip::Adc
-            } else if moves(pins::SYNC) {
-                Chip::Dac
-            } else {
-                Chip::Other
-            }
-        }
-        (Block::Gpio(port), None) if port == pins::BUSY.0 => Chip::Adc,
+/// The chip whose bus an access serves.
+fn served(block: Block) -> Chip {
+    match block {
+        Block::Spi4 | Block::Spi5 => Chip::Adc,
+        Block::Spi3 | Block::Dma1 => Chip::Dac,
+        Block::Gpio(port) if port == pins::BUSY.0 => Chip::Adc,
         _ => Chip::Other,
     }
 }

@@ -16,13 +16,14 @@ impl Bus {
         }
         self.tim1.clock = clocks.timer2;
         self.usart3.kernel = clocks.pclk1;
-        let [dead_1, dead_3] = self.dead_spi;
-        self.spi1.kernel = clocks.spi123.filter(|_| !dead_1);
+        let [dead_3, dead_4, dead_5] = self.dead_spi;
         self.spi3.kernel = clocks.spi123.filter(|_| !dead_3);
+        self.spi4.kernel = clocks.spi45.filter(|_| !dead_4);
+        self.spi5.kernel = clocks.spi45.filter(|_| !dead_5);
     }
 
-    /// SPI1 or SPI3 never ends a transfer from now on, as if its kernel had no clock.
-    pub fn kill_spi(&mut self, dead: [bool; 2]) {
+    /// SPI3, SPI4 or SPI5 never ends a transfer from now on, as if its kernel had no clock.
+    pub fn kill_spi(&mut self, dead: [bool; 3]) {
         self.dead_spi = dead;
         self.clock();
     }

@@ -1,9 +1,11 @@
 //! What happens by itself, in the order of its moments.
 
-use super::Bus;
+use super::{Block, Bus};
+use crate::memory::AXI;
+use crate::peripherals::dma::{self, Transfer};
 use crate::peripherals::iwdg::Iwdg;
 use crate::peripherals::rcc::Reset;
-use crate::peripherals::{tim1, usart};
+use crate::peripherals::{tim1, unknown, usart};
 use crate::time::Ticks;
 use crate::wires::pins;
 
@@ -23,8 +25,9 @@ impl Bus {
         let sampling = sampling.into_iter().flatten().min();
         [
             sampling.and_then(|at| self.gate.moment(at)),
-            self.spi1.next(),
+            self.dma.next(),
             self.spi3.next(),
+            self.spi4.next(),
             self.usart3.next(),
             self.flash.next(),
             self.adc.next(),
@@ -61,9 +64,11 @@ impl Bus {
                 self.note(pins::BUSY, at);
             }
             self.spi_event(at);
+            self.dma_event(at);
             self.usart3.advance(at);
             self.flash.advance(at);
             self.lines(at);
+            self.requests(at);
             self.schedule();
         }
     }
@@ -87,13 +92,54 @@ impl Bus {
     }
 
     fn spi_event(&mut self, at: Ticks) {
-        if let Some(frame) = self.spi1.due(at) {
+        if let Some(frame) = self.spi4.due(at) {
             let received = self.exchange_adc(frame);
-            self.spi1.finish(received);
+            self.spi4.finish(received);
         }
         if let Some(frame) = self.spi3.due(at) {
             let received = self.exchange_dac(frame);
             self.spi3.finish(received);
+        }
+        self.drive(pins::CS, at);
+        self.drive(pins::SYNC, at);
+    }
+
+    fn dma_event(&mut self, at: Ticks) {
+        while let Some(Transfer { address, word }) = self.dma.due(at) {
+            let done = match Block::at(address) {
+                Some((block, offset)) => self.write_spi(block, offset, 4, word, at),
+                None => unknown(),
+            };
+            if let Err(why) = done {
+                self.refuse(format!("DMA1 writes {word:#x} to {address:#010x}: {why}"));
+            }
+        }
+    }
+
+    /// Takes the requests to the DMA. A transfer takes as long as an access by the core.
+    pub(super) fn requests(&mut self, at: Ticks) {
+        // It reaches AXI SRAM, and none of the core's own memories (2.1.6).
+        let memory = &self.memory;
+        let reachable = AXI.0..AXI.0 + AXI.1 as u32;
+        let loaded = self.dma.load(|address| {
+            memory
+                .word(address)
+                .filter(|_| reachable.contains(&address))
+        });
+        if let Err(why) = loaded {
+            self.refuse(why);
+        }
+        let moves = at + self.ticks.1;
+        if self.spi3.requests()
+            && let Some(stream) = self.dma.waiting(dma::SPI3_TX)
+        {
+            self.dma.request(stream, moves);
+        }
+        if self.tim1.requests_dma()
+            && let Some(stream) = self.dma.waiting(dma::TIM1_CH1)
+        {
+            self.tim1.grant_dma();
+            self.dma.request(stream, moves);
         }
     }
 

@@ -4,16 +4,22 @@
 
 use crate::peripherals::rcc::Domain;
 use crate::peripherals::{
-    dbgmcu, dwt, flash, gpio, iwdg, mpu, name, nvic, pwr, rcc, scb, spi, syscfg, tim1, usart,
+    dbgmcu, dma, dwt, flash, gpio, iwdg, mpu, name, nvic, pwr, rcc, scb, spi, syscfg, tim1, usart,
 };
 
 /// A block of registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Block {
-    /// SPI1.
-    Spi1,
     /// SPI3.
     Spi3,
+    /// SPI4.
+    Spi4,
+    /// SPI5.
+    Spi5,
+    /// DMA1.
+    Dma1,
+    /// DMAMUX1.
+    Dmamux1,
     /// USART3.
     Usart3,
     /// TIM1.
@@ -45,7 +51,10 @@ impl Block {
             0x4000_3C00..0x4000_4000 => Self::Spi3,
             0x4000_4800..0x4000_4C00 => Self::Usart3,
             0x4001_0000..0x4001_0400 => Self::Tim1,
-            0x4001_3000..0x4001_3400 => Self::Spi1,
+            0x4001_3400..0x4001_3800 => Self::Spi4,
+            0x4001_5000..0x4001_5400 => Self::Spi5,
+            0x4002_0000..0x4002_0400 => Self::Dma1,
+            0x4002_0800..0x4002_0C00 => Self::Dmamux1,
             0x5200_2000..0x5200_2400 => Self::Flash,
             0x5800_0400..0x5800_0800 => Self::Syscfg,
             0x5800_4800..0x5800_4C00 => Self::Iwdg1,
@@ -64,8 +73,11 @@ impl Block {
     pub fn register(self, offset: u32) -> String {
         let plain = |registers| name(registers, offset);
         match self {
-            Self::Spi1 => plain(&spi::REGISTERS).replace("SPI", "SPI1"),
             Self::Spi3 => plain(&spi::REGISTERS).replace("SPI", "SPI3"),
+            Self::Spi4 => plain(&spi::REGISTERS).replace("SPI", "SPI4"),
+            Self::Spi5 => plain(&spi::REGISTERS).replace("SPI", "SPI5"),
+            Self::Dma1 => dma::register(offset),
+            Self::Dmamux1 => dma::mux_register(offset),
             Self::Usart3 => plain(&usart::REGISTERS),
             Self::Tim1 => plain(&tim1::REGISTERS),
             Self::Flash => plain(&flash::REGISTERS),
@@ -97,7 +109,7 @@ impl Block {
     pub(crate) fn is_steady(self, offset: u32) -> bool {
         match self {
             Self::Flash => true,
-            Self::Spi1 | Self::Spi3 => offset == 0x14,
+            Self::Spi3 | Self::Spi4 | Self::Spi5 => offset == 0x14,
             Self::Usart3 => offset == 0x1C,
             // All but the counter.
             Self::Tim1 => offset != 0x24,
@@ -114,8 +126,11 @@ impl Block {
     /// The block's clock, if it has one of its own.
     pub(super) fn domain(self) -> Option<Domain> {
         match self {
-            Self::Spi1 => Some(Domain::Spi1),
             Self::Spi3 => Some(Domain::Spi3),
+            Self::Spi4 => Some(Domain::Spi4),
+            Self::Spi5 => Some(Domain::Spi5),
+            // DMAMUX1 has the clock of DMA1 (8.5.14).
+            Self::Dma1 | Self::Dmamux1 => Some(Domain::Dma1),
             Self::Usart3 => Some(Domain::Usart3),
             Self::Tim1 => Some(Domain::Tim1),
             Self::Syscfg => Some(Domain::Syscfg),
@@ -133,7 +148,7 @@ impl Block {
     /// Whether an access may have this size, bytes.
     pub(super) fn takes(self, offset: u32, size: usize) -> bool {
         match self {
-            Self::Spi1 | Self::Spi3 | Self::Scs => true,
+            Self::Spi3 | Self::Spi4 | Self::Spi5 | Self::Scs => true,
             // RDR and TDR.
             Self::Usart3 => size == 4 || matches!(offset, 0x24 | 0x28),
             // Registers of sixteen bits.

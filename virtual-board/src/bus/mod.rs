@@ -29,6 +29,7 @@ use crate::counts::Counts;
 use crate::gate::Gate;
 use crate::memory::Memory;
 use crate::peripherals::dbgmcu::Dbgmcu;
+use crate::peripherals::dma::Dma;
 use crate::peripherals::dwt::Dwt;
 use crate::peripherals::flash::Flash;
 use crate::peripherals::gpio::Gpio;
@@ -38,7 +39,7 @@ use crate::peripherals::nvic::Nvic;
 use crate::peripherals::pwr::Pwr;
 use crate::peripherals::rcc::{Rcc, Reset};
 use crate::peripherals::scb::Scb;
-use crate::peripherals::spi::Spi;
+use crate::peripherals::spi::{self, Spi};
 use crate::peripherals::syscfg::Syscfg;
 use crate::peripherals::tim1::Tim1;
 use crate::peripherals::usart::Usart;
@@ -119,8 +120,8 @@ pub struct Bus {
     pub dac: Ad5676r,
     /// Levels that something else than the board's own wiring holds on pins.
     pub held: BTreeMap<Pin, Level>,
-    /// Whether SPI1 and SPI3 never end a transfer.
-    dead_spi: [bool; 2],
+    /// Whether SPI3, SPI4 and SPI5 never end a transfer.
+    dead_spi: [bool; 3],
     /// The interrupt controller.
     pub nvic: Nvic,
     /// The system control block.
@@ -144,8 +145,10 @@ pub struct Bus {
     syscfg: Syscfg,
     dbgmcu: Dbgmcu,
     gpio: [Gpio; 11],
-    spi1: Spi,
+    dma: Dma,
     spi3: Spi,
+    spi4: Spi,
+    spi5: Spi,
     core: u64,
 }
 
@@ -172,7 +175,7 @@ impl Bus {
             adc: Ad7606::default(),
             dac: Ad5676r::default(),
             held: BTreeMap::new(),
-            dead_spi: [false; 2],
+            dead_spi: [false; 3],
             nvic: Nvic::default(),
             scb: Scb::default(),
             mpu: Mpu::default(),
@@ -187,8 +190,10 @@ impl Bus {
             syscfg: Syscfg::default(),
             dbgmcu: Dbgmcu::default(),
             gpio: std::array::from_fn(Gpio::new),
-            spi1: Spi::default(),
-            spi3: Spi::default(),
+            dma: Dma::default(),
+            spi3: Spi::new(spi::FULL),
+            spi4: Spi::new(spi::LIMITED),
+            spi5: Spi::new(spi::LIMITED),
             core: 0,
         };
         bus.rcc.reset(Reset::Power);
@@ -220,8 +225,10 @@ impl Bus {
         self.syscfg = Syscfg::default();
         self.dbgmcu = Dbgmcu::default();
         self.gpio = std::array::from_fn(Gpio::new);
-        self.spi1 = Spi::default();
-        self.spi3 = Spi::default();
+        self.dma = Dma::default();
+        for spi in [&mut self.spi3, &mut self.spi4, &mut self.spi5] {
+            spi.reset();
+        }
         self.gate.reset(self.now);
         self.reset = None;
         self.fault = None;

@@ -13,6 +13,11 @@ const ADC_CLOCK: u64 = 14_500_000;
 /// Fastest clock of the AD5676R, Hz (data sheet, t1).
 const DAC_CLOCK: u64 = 50_000_000;
 
+/// The level of a select line.
+fn selected(low: Option<bool>) -> Level {
+    low.map_or(Level::Floating, |low| Level::of(!low))
+}
+
 impl Bus {
     /// Whether a pin has an alternate function.
     fn is_alternate(&self, pin: Pin, number: u8) -> bool {
@@ -39,10 +44,20 @@ impl Bus {
         }
         self.check_frame(frame, "AD7606", &[(true, false)], ADC_CLOCK);
         let connected = self.is_alternate(pins::DOUTA, 5);
-        (0..frame.bits).fold(0, |word, _| {
-            let (douta, _) = self.adc.clock();
-            word << 1 | u32::from(douta && connected)
-        })
+        let other = self.is_alternate(pins::DOUTB_SCLK, 5);
+        let other_data = self.is_alternate(pins::DOUTB, 5);
+        let mut word = 0;
+        for _ in 0..frame.bits {
+            let (douta, doutb) = self.adc.clock();
+            word = word << 1 | u32::from(douta && connected);
+            if other {
+                let mode = (frame.cpol, frame.cpha);
+                if let Err(why) = self.spi5.clock(mode, doutb && other_data) {
+                    self.refuse(format!("SPI5: {why}"));
+                }
+            }
+        }
+        word
     }
 
     pub(super) fn exchange_dac(&mut self, frame: Frame) -> u32 {
@@ -69,6 +84,8 @@ impl Bus {
             Function::Output(level) => level,
             Function::Alternate(1) if pin == pins::CONVST => self.tim1.output(0),
             Function::Alternate(1) if pin == pins::LDAC => self.tim1.output(2),
+            Function::Alternate(5) if pin == pins::CS => selected(self.spi4.select()),
+            Function::Alternate(6) if pin == pins::SYNC => selected(self.spi3.select()),
             _ => Level::Floating,
         };
         let outside = match pin {
@@ -116,8 +133,8 @@ impl Bus {
                 }
             }
             pins::SYNC => {
-                if let Err(frame) = self.dac.sync(!high && self.is_driven(pin), at) {
-                    self.refuse(format!("AD5676R: frame {:#08x} is not modelled", frame.0));
+                if let Err(why) = self.dac.sync(!high && self.is_driven(pin), at) {
+                    self.refuse(format!("AD5676R: {why}"));
                 }
             }
             pins::DAC_RESET => self.dac.reset(!high, at),
@@ -158,8 +175,9 @@ impl Bus {
             };
             let known = match pin {
                 pins::CONVST | pins::LDAC => function == 1,
-                pins::ADC_SCLK | pins::DOUTA => function == 5,
-                pins::DAC_SCLK | pins::SDI | pins::SDO => function == 6,
+                pins::CS | pins::ADC_SCLK | pins::DOUTA => function == 5,
+                pins::DOUTB_SCLK | pins::DOUTB => function == 5,
+                pins::SYNC | pins::DAC_SCLK | pins::SDI | pins::SDO => function == 6,
                 pins::LINK_TX | pins::LINK_RX => function == 7,
                 // The debugger's.
                 Pin(0, 13..=15) | Pin(1, 3..=4) => function == 0,

@@ -1,7 +1,7 @@
 //! AD5676R, eight outputs, 16 bits (data sheet rev. D): command and channel tables 8 to 10,
 //! the straps those of `docs/board.md` (GAIN high: 0 to 5 V; RSTSEL high: mid-range).
 
-use crate::time::Ticks;
+use crate::time::{MICROSECOND, Ticks};
 use crate::wires::History;
 
 /// The number of outputs.
@@ -39,6 +39,8 @@ pub struct Ad5676r {
     history: [History<u16>; CHANNELS],
     recording: bool,
     selected: bool,
+    /// When SYNC rose last.
+    rose: Option<Ticks>,
     ldac_low: bool,
     reset: bool,
     shift: u32,
@@ -61,6 +63,7 @@ impl Default for Ad5676r {
             history: Default::default(),
             recording: false,
             selected: false,
+            rose: None,
             ldac_low: false,
             reset: true,
             shift: 0,
@@ -71,9 +74,27 @@ impl Default for Ad5676r {
     }
 }
 
-/// A frame that the chip does not know or that the model does not have.
+/// Shortest time for which SYNC is high between two frames: that of the AD5686R's slower timing
+/// (t8), since the AD5676R's was not at hand.
+const SYNC_HIGH: Ticks = 30 * MICROSECOND / 1000;
+
+/// What the chip does not know, or the model does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct UnknownFrame(pub u32);
+pub enum Misuse {
+    /// A frame.
+    Frame(u32),
+    /// SYNC was high for less than it may be.
+    Sync,
+}
+
+impl std::fmt::Display for Misuse {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Frame(frame) => write!(f, "frame {frame:#08x} is not modelled"),
+            Self::Sync => write!(f, "SYNC is not high long enough"),
+        }
+    }
+}
 
 impl Ad5676r {
     /// Codes on the outputs.
@@ -141,6 +162,7 @@ impl Ad5676r {
     pub fn power_up(&mut self, now: Ticks) {
         self.clear(now);
         (self.selected, self.ldac_low, self.reset) = (false, false, true);
+        self.rose = None;
         (self.shift, self.bits, self.sending) = (0, 0, 0);
     }
 
@@ -167,8 +189,8 @@ impl Ad5676r {
     /// SYNC: low frames 24 bits; a rising edge after fewer is no frame.
     ///
     /// # Errors
-    /// If the frame that ends is one that the model does not have.
-    pub fn sync(&mut self, low: bool, now: Ticks) -> Result<(), UnknownFrame> {
+    /// If the frame that ends is one that the model does not have, or the pause was too short.
+    pub fn sync(&mut self, low: bool, now: Ticks) -> Result<(), Misuse> {
         if low == self.selected {
             return Ok(());
         }
@@ -176,8 +198,10 @@ impl Ad5676r {
         if low {
             (self.shift, self.bits) = (0, 0);
             self.sending = std::mem::take(&mut self.answer);
-            return Ok(());
+            let long = self.rose.is_none_or(|rose| now >= rose + SYNC_HIGH);
+            return if long { Ok(()) } else { Err(Misuse::Sync) };
         }
+        self.rose = Some(now);
         if self.bits < 24 || self.reset {
             return Ok(());
         }
@@ -206,7 +230,7 @@ impl Ad5676r {
         sdo
     }
 
-    fn carry_out(&mut self, frame: u32, now: Ticks) -> Result<(), UnknownFrame> {
+    fn carry_out(&mut self, frame: u32, now: Ticks) -> Result<(), Misuse> {
         let (command, channel, code) = (frame >> 20, frame >> 16 & 0xF, frame as u16);
         let index = channel as usize;
         match command {
@@ -230,7 +254,7 @@ impl Ad5676r {
             0b1001 if index < CHANNELS => {
                 self.answer = frame & 0x00FF_0000 | u32::from(self.inputs[index]);
             }
-            _ => return Err(UnknownFrame(frame)),
+            _ => return Err(Misuse::Frame(frame)),
         }
         Ok(())
     }
@@ -240,7 +264,9 @@ impl Ad5676r {
 mod tests {
     use super::*;
 
-    fn send(chip: &mut Ad5676r, frame: u32, now: Ticks) -> Result<u32, UnknownFrame> {
+    fn send(chip: &mut Ad5676r, frame: u32, now: Ticks) -> Result<u32, Misuse> {
+        // However long ago the last was.
+        chip.rose = None;
         chip.sync(true, now)?;
         let read = (0..24).rev().fold(0, |read, bit| {
             read << 1 | u32::from(chip.clock(frame >> bit & 1 != 0))
@@ -258,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn ldac_puts_all_out_at_once() -> Result<(), UnknownFrame> {
+    fn ldac_puts_all_out_at_once() -> Result<(), Misuse> {
         let mut chip = ready();
         send(&mut chip, 0x10_1111, 1)?;
         send(&mut chip, 0x15_5555, 2)?;
@@ -273,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_code_reads_back_in_the_next_frame() -> Result<(), UnknownFrame> {
+    fn a_code_reads_back_in_the_next_frame() -> Result<(), Misuse> {
         let mut chip = ready();
         send(&mut chip, 0x33_ABCD, 0)?;
         assert_eq!(chip.outputs()[3], 0xABCD);
@@ -287,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn reset_low_is_the_middle_and_deaf() -> Result<(), UnknownFrame> {
+    fn reset_low_is_the_middle_and_deaf() -> Result<(), Misuse> {
         let mut chip = ready();
         send(&mut chip, 0x33_ABCD, 1)?;
         chip.reset(true, 2);
@@ -299,14 +325,26 @@ mod tests {
         Ok(())
     }
 
+    /// t8.
     #[test]
-    fn short_and_unknown_frames() -> Result<(), UnknownFrame> {
+    fn sync_is_high_for_long_enough() -> Result<(), Misuse> {
+        for (pause, expected) in [(SYNC_HIGH - 1, Err(Misuse::Sync)), (SYNC_HIGH, Ok(()))] {
+            let mut chip = ready();
+            chip.sync(true, 0)?;
+            chip.sync(false, 1000)?;
+            assert_eq!(chip.sync(true, 1000 + pause), expected);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn short_and_unknown_frames() -> Result<(), Misuse> {
         let mut chip = ready();
         chip.sync(true, 0)?;
         chip.clock(true);
         chip.sync(false, 0)?;
         assert_eq!(chip.frames, 0);
-        assert_eq!(send(&mut chip, 0x40_0000, 0), Err(UnknownFrame(0x40_0000)));
+        assert_eq!(send(&mut chip, 0x40_0000, 0), Err(Misuse::Frame(0x40_0000)));
         Ok(())
     }
 }

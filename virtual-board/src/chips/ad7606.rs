@@ -12,6 +12,15 @@ pub const SHORTEST: Ticks = 345 * MICROSECOND / 100;
 /// Longest conversion without oversampling (t_CONV).
 pub const LONGEST: Ticks = 415 * MICROSECOND / 100;
 
+/// A data line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Line {
+    /// V1 to V4 first.
+    DoutA,
+    /// V5 to V8 first.
+    DoutB,
+}
+
 /// What is wrong with the chip or its wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Defect {
@@ -19,8 +28,8 @@ pub enum Defect {
     BusyHigh,
     /// BUSY is low for ever.
     BusyLow,
-    /// DOUTA is cut: what the processor reads is `0` or `1` for ever.
-    Dead(bool),
+    /// A data line is cut: what the processor reads is `0` or `1` for ever.
+    Dead(Line, bool),
 }
 
 /// The chip.
@@ -140,8 +149,10 @@ impl Ad7606 {
             bits = (false, false);
         }
         self.shifted += 1;
-        if let Some(Defect::Dead(level)) = self.defect {
-            bits.0 = level;
+        match self.defect {
+            Some(Defect::Dead(Line::DoutA, level)) => bits.0 = level,
+            Some(Defect::Dead(Line::DoutB, level)) => bits.1 = level,
+            _ => {}
         }
         bits
     }

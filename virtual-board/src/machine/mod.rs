@@ -23,6 +23,7 @@ use crate::image::Image;
 use crate::peripherals::rcc::Reset;
 use crate::time::{Cost, Ticks};
 use emulator::Emulator;
+use crate::wires::{INPUTS, LEGS};
 use registers::general;
 
 /// What the hooks know.
@@ -205,12 +206,14 @@ impl Machine {
         self.bus_mut().set_cost(cost);
     }
 
-    /// The plant has answered: the inputs of the ADC have these codes, and the gate opens.
+    /// The plant has answered: the ADC's inputs with a sensor have these codes, and the gate opens.
     /// The program cannot see it before it reads a peripheral.
-    pub fn answer(&mut self, codes: &[i16]) {
+    pub fn answer(&mut self, codes: [i16; LEGS]) {
         let state = self.uc.state_mut();
         let bus = &mut state.bus;
-        bus.adc.inputs[..codes.len()].copy_from_slice(codes);
+        for (input, code) in INPUTS.into_iter().zip(codes) {
+            bus.adc.inputs[input] = code;
+        }
         // If the timer has just been started at 0, its first CONVST came with that, and what
         // it sampled is known only now.
         let begins = bus.tim1.has_begun();

@@ -6,6 +6,7 @@
 //! name: nothing is read as zero or dropped because nobody thought of it.
 
 pub mod dbgmcu;
+pub mod dma;
 pub mod dwt;
 pub mod flash;
 pub mod gpio;

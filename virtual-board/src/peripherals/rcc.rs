@@ -110,10 +110,14 @@ impl Reset {
 pub enum Domain {
     /// A GPIO port, 0 is A.
     Gpio(u8),
-    /// SPI1.
-    Spi1,
+    /// DMA1, and DMAMUX1.
+    Dma1,
     /// SPI3.
     Spi3,
+    /// SPI4.
+    Spi4,
+    /// SPI5.
+    Spi5,
     /// SYSCFG.
     Syscfg,
     /// TIM1.
@@ -126,8 +130,10 @@ impl Domain {
     /// Every one of them.
     pub fn all() -> impl Iterator<Item = Self> {
         let others = [
-            Self::Spi1,
+            Self::Dma1,
             Self::Spi3,
+            Self::Spi4,
+            Self::Spi5,
             Self::Syscfg,
             Self::Tim1,
             Self::Usart3,
@@ -139,7 +145,9 @@ impl Domain {
     fn enable(self) -> (u32, u32) {
         match self {
             Self::Gpio(port) => (0xE0, u32::from(port)),
-            Self::Spi1 => (0xF0, 12),
+            Self::Dma1 => (0xD8, 0),
+            Self::Spi4 => (0xF0, 13),
+            Self::Spi5 => (0xF0, 20),
             Self::Spi3 => (0xE8, 15),
             Self::Syscfg => (0xF4, 1),
             Self::Tim1 => (0xF0, 0),
@@ -156,9 +164,9 @@ fn enables(offset: u32) -> u32 {
         .filter(|(register, _)| *register == offset)
         .fold(0, |bits, (_, bit)| bits | 1 << bit);
     let others = match offset {
-        // MDMA; DMA1 and DMA2; BDMA.
+        // MDMA; DMA2; BDMA.
         0xD4 => 1,
-        0xD8 => 3,
+        0xD8 => 2,
         0xE0 => 1 << 21,
         _ => 0,
     };
@@ -179,6 +187,8 @@ pub struct Clocks {
     pub timer2: u64,
     /// Kernel of SPI1 to SPI3, if it runs.
     pub spi123: Option<u64>,
+    /// Kernel of SPI4 and SPI5, if it runs.
+    pub spi45: Option<u64>,
 }
 
 /// The peripheral.
@@ -313,11 +323,18 @@ impl Rcc {
             2 => self.pll(2, 0),
             _ => None,
         };
+        let spi45 = match self.ccipr[1] >> 16 & 7 {
+            0 => Some(pclk2).filter(|clock| *clock > 0),
+            1 => self.pll(1, 1),
+            2 => self.pll(2, 1),
+            _ => None,
+        };
         Clocks {
             core,
             pclk1,
             timer2,
             spi123,
+            spi45,
         }
     }
 
@@ -436,9 +453,10 @@ impl Rcc {
                 }
                 self.pll[number].0 = only(value, 0x7F7F_FFFF)?;
             }
-            // The kernel clocks of what is modelled: SPI1 to SPI3, and the USARTs from APB1.
+            // The kernel clocks of what is modelled: SPI1 to SPI3, SPI4 and SPI5, and the USARTs
+            // from APB1.
             0x4C | 0x54 | 0x58 => self.ccipr[at(0x4C)] = only(value, 0)?,
-            0x50 => self.ccipr[1] = only(value, 7 << 12)?,
+            0x50 => self.ccipr[1] = only(value, 7 << 12 | 7 << 16)?,
             // RTCSEL, RTCEN, BDRST: a clock for the RTC, which nothing accesses.
             0x70 => self.bdcr = only(value, 3 << 8 | 1 << 15 | 1 << 16)?,
             // The watchdog starts LSI by itself.
@@ -459,7 +477,7 @@ mod tests {
     use super::*;
 
     /// The board's tree by hand: 8 MHz · 120 / 2 = 480 MHz, AHB 240, APB 120, timers 240;
-    /// 8 · 56 / 4 = 112 MHz.
+    /// 8 · 57 / 5 = 91.2 MHz, 8 · 57 / 8 = 57 MHz.
     #[test]
     fn the_board_s_clocks() -> Result<(), Refusal> {
         let mut rcc = Rcc::default();
@@ -469,20 +487,21 @@ mod tests {
         assert_eq!(rcc.read(0x00, HSE_START)? >> 17 & 1, 1);
         rcc.write(0x28, 2 | 1 << 4 | 1 << 12, 0)?;
         rcc.write(0x30, 119 | 1 << 9, 0)?;
-        rcc.write(0x38, 55 | 3 << 9, 0)?;
-        rcc.write(0x2C, 1 << 16 | 1 << 19, 0)?;
+        rcc.write(0x38, 56 | 4 << 9 | 7 << 16, 0)?;
+        rcc.write(0x2C, 1 << 16 | 1 << 19 | 1 << 20, 0)?;
         rcc.write(0x00, 1 | 1 << 16 | 1 << 18 | 1 << 24 | 1 << 26, 0)?;
         rcc.write(0x28, 0, 0)?;
         assert!(rcc.write(0x10, 3, 0).is_err());
         rcc.write(0x18, 8 | 4 << 4, 0)?;
         rcc.write(0x1C, 4 << 4 | 4 << 8, 0)?;
-        rcc.write(0x50, 1 << 12, 0)?;
+        rcc.write(0x50, 1 << 12 | 1 << 16, 0)?;
         rcc.write(0x10, 3, PLL_LOCK)?;
         let expected = Clocks {
             core: 480_000_000,
             pclk1: 120_000_000,
             timer2: 240_000_000,
-            spi123: Some(112_000_000),
+            spi123: Some(91_200_000),
+            spi45: Some(57_000_000),
         };
         assert_eq!(rcc.clocks(), expected);
         rcc.hse_present = false;
@@ -515,6 +534,6 @@ mod tests {
         assert!(rcc.write(0xF0, 2, 0).is_err());
         assert!(rcc.write(0xF0, 1, 0).is_ok());
         assert!(rcc.is_on(Domain::Tim1));
-        assert!(!rcc.is_on(Domain::Spi1));
+        assert!(!rcc.is_on(Domain::Spi4));
     }
 }

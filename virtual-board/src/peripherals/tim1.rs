@@ -35,6 +35,9 @@ pub const REGISTERS: [Register; 22] = [
 /// Interrupt of its capture and compare channels.
 pub const CC_IRQ: u16 = 27;
 
+/// DIER: a compare event of the first channel is a request to the DMA.
+const CC1DE: u32 = 1 << 9;
+
 /// What happened at a moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event {
@@ -54,6 +57,8 @@ pub struct Tim1 {
     pub clock: u64,
     enabled: bool,
     dier: u32,
+    /// The first channel's request to the DMA.
+    dma: bool,
     sr: u32,
     ccmr: [u32; 2],
     ccer: u32,
@@ -76,6 +81,7 @@ impl Default for Tim1 {
             clock: 1,
             enabled: false,
             dier: 0,
+            dma: false,
             sr: 0,
             ccmr: [0; 2],
             ccer: 0,
@@ -153,11 +159,22 @@ impl Tim1 {
         let matches = (0..4).filter(|i| self.ccr[*i] == reached);
         let matches = matches.fold(0, |bits, i| bits | 1u32 << i);
         self.sr |= matches << 1 | u32::from(self.ccr5 == reached) << 16;
+        self.dma |= matches & 1 != 0 && self.dier & CC1DE != 0;
         Some(Event {
             at,
             update,
             matches,
         })
+    }
+
+    /// Whether the first channel has a request to the DMA.
+    pub fn requests_dma(&self) -> bool {
+        self.dma
+    }
+
+    /// The DMA has taken that request.
+    pub fn grant_dma(&mut self) {
+        self.dma = false;
     }
 
     /// Whether the capture and compare interrupt is requested.
@@ -236,8 +253,11 @@ impl Tim1 {
                 }
                 self.enabled = enable;
             }
-            // CCxIE.
-            0x0C => self.dier = only(value, 0x1E)?,
+            // CCxIE, CC1DE.
+            0x0C => {
+                self.dier = only(value, 0x1E | CC1DE)?;
+                self.dma &= self.dier & CC1DE != 0;
+            }
             // Flags are cleared by writing 0.
             0x10 => self.sr &= value,
             0x14 => {

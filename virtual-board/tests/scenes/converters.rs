@@ -50,31 +50,34 @@ fn busy_stuck_low_changes_no_code() -> Outcome {
     Ok(())
 }
 
-fn dead_douta(level: bool) -> Outcome<Cause> {
+fn dead(line: ad7606::Line, level: bool) -> Outcome<Cause> {
     let mut lab = Lab::pushing()?;
     let since = lab.board.now();
-    lab.board.bus_mut().adc.defect = Some(ad7606::Defect::Dead(level));
+    lab.board.bus_mut().adc.defect = Some(ad7606::Defect::Dead(line, level));
     // A code that stays is found after 2,000 samples.
     found(&mut lab, since, RAMP + 110 * MILLISECOND)
 }
 
 #[test]
 fn a_cut_data_line_is_a_stuck_sensor() -> Outcome {
-    for level in [false, true] {
-        let cause = dead_douta(level)?;
+    use ad7606::Line::{DoutA, DoutB};
+    for (line, level) in [(DoutA, false), (DoutA, true), (DoutB, false), (DoutB, true)] {
+        let cause = dead(line, level)?;
         // Those whose last code was that already are found first.
         assert!(matches!(cause, Cause::Stuck(_)), "{cause:?}");
     }
     Ok(())
 }
 
-/// SPI1 never ends a transfer: the samples are lost, and the link still answers.
+/// SPI4 or SPI5 never ends a transfer: the samples are lost, and the link still answers.
 #[test]
 fn a_dead_bus_of_the_adc() -> Outcome {
-    let mut lab = Lab::pushing()?;
-    let since = lab.board.now();
-    lab.board.bus_mut().kill_spi([true, false]);
-    assert_eq!(found(&mut lab, since, RAMP)?, Cause::Lost);
+    for dead in [[false, true, false], [false, false, true]] {
+        let mut lab = Lab::pushing()?;
+        let since = lab.board.now();
+        lab.board.bus_mut().kill_spi(dead);
+        assert_eq!(found(&mut lab, since, RAMP)?, Cause::Lost, "{dead:?}");
+    }
     Ok(())
 }
 
@@ -83,7 +86,7 @@ fn a_dead_bus_of_the_adc() -> Outcome {
 fn a_dead_bus_of_the_dac() -> Outcome {
     let mut lab = Lab::pushing()?;
     let since = lab.board.now();
-    lab.board.bus_mut().kill_spi([false, true]);
+    lab.board.bus_mut().kill_spi([true, false, false]);
     assert_eq!(found(&mut lab, since, MILLISECOND)?, Cause::Lost);
     assert_eq!(lab.board.bus().level(pins::DAC_RESET), Level::Low);
     Ok(())

@@ -237,10 +237,11 @@ impl Lab {
         Ok(self.board.run(10 * inside)?)
     }
 
-    /// Runs until thread mode.
+    /// Runs until thread mode, outside a critical section.
     pub fn run_into_main(&mut self) -> Outcome {
         for _ in 0..1000 {
-            if self.board.bus().nvic.running() == 0 {
+            let masked = self.board.machine.masks().primask;
+            if self.board.bus().nvic.running() == 0 && !masked {
                 return Ok(());
             }
             self.board.run(virtual_board::time::MICROSECOND)?;

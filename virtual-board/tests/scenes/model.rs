@@ -1,7 +1,6 @@
 //! The model itself: what is skipped makes no difference.
 
 use firmware::budget::GUARD;
-use virtual_board::board::LEGS;
 use virtual_board::time::{MILLISECOND, in_seconds};
 
 use crate::lab::{Lab, Outcome};
@@ -53,18 +52,6 @@ fn counters() -> Outcome {
     assert!(counts.latency.min >= entry);
     assert!(counts.latch.max + counts.follow.max <= counts.instructions.max);
     assert_eq!(counts.late, 0);
-    Ok(())
-}
-
-/// The budget's accesses to registers are those of the image.
-#[test]
-fn accesses_are_those_of_the_budget() -> Outcome {
-    let lab = Lab::pushing()?;
-    let counts = &lab.board.bus().counts;
-    let [adc, dac] = firmware::budget::ACCESSES.map(u64::from);
-    let six = LEGS as u64 * dac;
-    assert_eq!((counts.adc.min, counts.adc.max), (adc, adc));
-    assert_eq!((counts.dac.min, counts.dac.max), (six, six));
     Ok(())
 }
 

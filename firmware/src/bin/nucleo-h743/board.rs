@@ -7,11 +7,9 @@ use cortex_m::peripheral::NVIC;
 // The log is sent through the debugger, if one is connected.
 use defmt_rtt as _;
 use embassy_stm32::gpio::{AfType, AnyPin, Flex, Input, Level, Output, OutputType, Pull, Speed};
-use embassy_stm32::pac::spi::vals::Mbr;
-use embassy_stm32::pac::{self, RCC};
+use embassy_stm32::pac::RCC;
 use embassy_stm32::{Peri, interrupt};
 use firmware::converters::ad5676r::Ad5676r;
-use firmware::converters::ad7606::Ad7606;
 use firmware::link_task::LinkTask;
 use firmware::store::Store;
 use firmware::{budget, tables};
@@ -77,43 +75,48 @@ pub fn run() -> ! {
     let entry = &tables::NUCLEO_H743;
     let mut link = LinkTask::begin(&BOARD, entry, budget::LIMITS, store, memory());
 
-    RCC.apb2enr().modify(|w| w.set_spi1en(true));
+    RCC.apb2enr().modify(|w| {
+        w.set_spi4en(true);
+        w.set_spi5en(true);
+    });
     RCC.apb1lenr().modify(|w| w.set_spi3en(true));
+    let adc = Receiver::new(Input::new(p.PG12, Pull::Up));
+    let bus = Transmitter::new();
+    // The buses hold the select lines high from here on.
     let fast = AfType::output(OutputType::PushPull, Speed::VeryHigh);
-    alternate(p.PA5.into(), 5, fast);
-    alternate(p.PA6.into(), 5, fast);
-    alternate(p.PC10.into(), 6, fast);
-    alternate(p.PC11.into(), 6, fast);
-    alternate(p.PC12.into(), 6, fast);
-    alternate(p.PE9.into(), 1, fast);
-    alternate(p.PE13.into(), 1, fast);
-    alternate(p.PD8.into(), 7, fast);
+    for (pin, number) in [
+        (p.PE4.into(), 5),
+        (p.PE2.into(), 5),
+        (p.PE5.into(), 5),
+        (p.PF7.into(), 5),
+        (p.PF9.into(), 5),
+        (p.PA4.into(), 6),
+        (p.PC10.into(), 6),
+        (p.PC11.into(), 6),
+        (p.PC12.into(), 6),
+        (p.PE9.into(), 1),
+        (p.PE13.into(), 1),
+        (p.PD8.into(), 7),
+    ] {
+        alternate(pin, number, fast);
+    }
     // Without a host, the line is at rest.
     alternate(p.PD9.into(), 7, AfType::input(Pull::Up));
-    let select = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::High, Speed::VeryHigh);
     // The ADC requires a reset after power-up.
     let mut adc_reset = Output::new(p.PE14, Level::High, Speed::Low);
     cortex_m::asm::delay(CORE / 1_000_000);
     adc_reset.set_low();
-    let adc = Receiver::new(pac::SPI1, select(p.PD14.into()), Mbr::DIV8);
-    let adc = Ad7606::new(adc, Input::new(p.PG12, Pull::Up));
     dac_reset.set_high();
     // Both pins keep their level for ever.
     core::mem::forget((adc_reset, dac_reset));
     cortex_m::asm::delay(CORE / 1_000);
-    // A slow clock for reading back, the loop's clock afterwards.
-    let mut dac = Ad5676r::new(Transmitter::new(
-        pac::SPI3,
-        select(p.PD2.into()),
-        sample::SLOW,
-    ));
+    let mut dac = Ad5676r::new(bus);
     let safe = BOARD.with(|controller| controller.table().safe_codes());
     let sound = safe.is_some_and(|safe| dac.start(safe).is_ok());
     if !sound {
         guard::hold_safe();
         defmt::error!("the DAC does not answer; the loop stays open");
     }
-    dac.device().set_divider(sample::FAST);
     sample::begin(Converters::new(adc, dac, sound));
 
     let mut port = Port::open();
@@ -163,9 +166,8 @@ pub fn run() -> ! {
             seen = samples;
             watchdog.feed();
         }
-        if samples.wrapping_sub(read) as f32 > rate / READ_BACK {
+        if samples.wrapping_sub(read) as f32 > rate / READ_BACK && sample::read_back() {
             read = samples;
-            sample::read_back();
         }
         let count = samples.wrapping_sub(reported);
         if count as f32 > rate / REPORT {

@@ -7,7 +7,10 @@
 //! | AHB | 240 | half the core |
 //! | APB | 120 | half of AHB |
 //! | TIM1 | 240 | twice its APB: 4 ns a count |
-//! | SPI1, SPI3 | 112 | PLL2 P: 14 MHz for the ADC, which takes 14.5; 28 for the DAC, 50 |
+//! | SPI4, SPI5 | 57 | PLL2 Q: 14.25 MHz for the ADC, which takes 14.5 |
+//! | SPI3 | 91.2 | PLL2 P: 45.6 MHz for the DAC, which takes 50 |
+//!
+//! The converters' clocks stay below their limits on the internal oscillator too.
 //!
 //! The instruction cache is on, for the link and the other code that runs from flash. The
 //! data cache is off: the loop's data are in DTCM, which has no cache, and without a data
@@ -38,8 +41,8 @@ pub const APB: u32 = 120_000_000;
 /// Clock of TIM1, Hz.
 pub const TIMER: u32 = 240_000_000;
 
-/// Kernel clock of the converters' buses, Hz.
-pub const KERNEL: u32 = 112_000_000;
+/// Kernel clock of the DAC's bus, Hz.
+pub const DAC_KERNEL: u32 = 91_200_000;
 
 /// Reads of the clock's status, several cycles of 64 MHz each, after which HSE does not start: more
 /// than 20 ms. A crystal takes 2 ms (data sheet).
@@ -76,17 +79,17 @@ pub fn start() -> (Peripherals, Source) {
         freq: Hertz(HSE),
         mode: SOURCE,
     });
-    let pll = |mul, divp| Pll {
+    let pll = |mul, divp, divq| Pll {
         source: input,
         prediv,
         mul,
         fracn: None,
         divp: Some(divp),
-        divq: None,
+        divq,
         divr: None,
     };
-    rcc.pll1 = Some(pll(PllMul::MUL120, PllDiv::DIV2));
-    rcc.pll2 = Some(pll(PllMul::MUL56, PllDiv::DIV4));
+    rcc.pll1 = Some(pll(PllMul::MUL120, PllDiv::DIV2, None));
+    rcc.pll2 = Some(pll(PllMul::MUL57, PllDiv::DIV5, Some(PllDiv::DIV8)));
     rcc.sys = Sysclk::PLL1_P;
     rcc.voltage_scale = VoltageScale::Scale0;
     rcc.d1c_pre = AHBPrescaler::DIV1;
@@ -96,6 +99,7 @@ pub fn start() -> (Peripherals, Source) {
     rcc.apb3_pre = APBPrescaler::DIV2;
     rcc.apb4_pre = APBPrescaler::DIV2;
     rcc.mux.spi123sel = mux::Saisel::PLL2_P;
+    rcc.mux.spi45sel = mux::Spi45sel::PLL2_Q;
     let peripherals = embassy_stm32::init(config);
     if external {
         RCC.cr().modify(|w| w.set_hsecsson(true));

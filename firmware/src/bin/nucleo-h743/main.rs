@@ -7,6 +7,8 @@ mod board;
 #[cfg(target_os = "none")]
 mod clocks;
 #[cfg(target_os = "none")]
+mod dma;
+#[cfg(target_os = "none")]
 mod flash;
 #[cfg(target_os = "none")]
 mod guard;

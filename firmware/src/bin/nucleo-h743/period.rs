@@ -1,14 +1,16 @@
 //! The sample period: TIM1 alone determines when things happen.
 //!
 //! ```text
-//!            0                 READ                    latch         T
-//! CH1  ──┐▔▔▔▔▔└───────────────────────────────────────────────────┐▔▔▔  CONVST
-//! CC2                           ▲ interrupt: read, step, write
-//! CH3  ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔└──┘▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔  LDAC
+//!            0      BEGIN   DUE                  latch               T
+//! CH1  ──┐▔▔▔▔▔▔▔▔▔▔▔▔▔└────────────────────────────────────────────┐▔▔▔  CONVST
+//! CC1                  ▲ request: the DMA begins the ADC's frame
+//! CC2                      ▲ interrupt: read, step, write
+//! CH3  ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔└──┘▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔  LDAC
 //! CC5                                                      ▲ flag: near the interrupt
 //! ```
 //!
-//! CH3 and CH4 together make the LDAC pulse (combined PWM mode 2: both references; RM0433,
+//! CONVST is high until the conversion has ended, so that its end is the begin of the read. CH3
+//! and CH4 together make the LDAC pulse (combined PWM mode 2: both references; RM0433,
 //! chapter 38), so that it may be anywhere in the period. A latch later than T is in the next
 //! period, before the codes of that one are written.
 
@@ -16,11 +18,11 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_stm32::pac::timer::{regs, vals};
 use embassy_stm32::pac::{RCC, TIM1};
-use firmware::budget::{GUARD, READ};
+use firmware::budget::{BEGIN, DUE as AT, GUARD};
 
 use crate::clocks::TIMER;
 
-/// Length of the CONVST and LDAC pulses, s. Both converters accept pulses of 25 ns.
+/// Length of the LDAC pulse, s. The DAC accepts 25 ns.
 const PULSE: f32 = 1e-6;
 
 /// Shortest LDAC pulse, s: a latch that is later than this before the end of a period is moved
@@ -62,14 +64,14 @@ pub fn start(rate: f32, latch: f32) {
     // At most 65,536.
     t.arr().write(|w| w.set_arr((period - 1) as u16));
     t.psc().write_value(prescaler as u16);
-    t.ccr(0).write(|w| w.set_ccr(at(PULSE)));
-    t.ccr(1).write(|w| w.set_ccr(at(READ as f32)));
+    t.ccr(0).write(|w| w.set_ccr(at(BEGIN as f32)));
+    t.ccr(1).write(|w| w.set_ccr(at(AT as f32)));
     let latest = period - 1 - u32::from(at(SHORTEST)).max(1);
     let latch = ((counts(latch) / (prescaler + 1)) % period).min(latest);
     let end = (latch + u32::from(at(PULSE))).min(period - 1);
     t.ccr(2).write(|w| w.set_ccr(latch as u16));
     t.ccr(3).write(|w| w.set_ccr(end as u16));
-    let guard = u32::from(at(READ as f32)) + period - u32::from(at(GUARD)).min(period);
+    let guard = u32::from(at(AT as f32)) + period - u32::from(at(GUARD)).min(period);
     t.ccr5().write(|w| w.set_ccr((guard % period) as u16));
     // CH1: PWM mode 1. CH2: its flag only.
     t.ccmr_output(0)
@@ -91,7 +93,10 @@ pub fn start(rate: f32, latch: f32) {
     // The first sample is a whole interrupt away: what the link does meanwhile does not wait.
     t.cnt().write(|w| w.set_cnt(end as u16));
     t.sr().write_value(regs::SrAdv(0));
-    t.dier().write(|w| w.set_ccie(1, true));
+    t.dier().write(|w| {
+        w.set_ccde(0, true);
+        w.set_ccie(1, true);
+    });
     t.cr1().write(|w| w.set_cen(true));
     RUNS.store(true, Ordering::Relaxed);
 }

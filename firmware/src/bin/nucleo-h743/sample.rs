@@ -5,12 +5,10 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::DWT;
 use critical_section::Mutex;
-use embassy_stm32::gpio::Input;
 use embassy_stm32::interrupt;
-use embassy_stm32::pac::spi::vals::Mbr;
 use firmware::budget;
 use firmware::converters::ad5676r::Ad5676r;
-use firmware::converters::ad7606::Ad7606;
+use firmware::converters::ad7606;
 use firmware::loop_task::BoardController;
 use shared::controller::Reading;
 use shared::table::Table;
@@ -23,12 +21,6 @@ use crate::spi::{Receiver, Transmitter};
 /// The controller.
 pub static BOARD: BoardController = BoardController::new();
 
-/// Divider of the DAC's clock for writing: 28 MHz.
-pub const FAST: Mbr = Mbr::DIV4;
-
-/// Divider of the DAC's clock for reading back: 7 MHz.
-pub const SLOW: Mbr = Mbr::DIV16;
-
 /// Number of consecutive failures of the DAC after which it is held in reset.
 const HOPELESS: u32 = 3;
 
@@ -37,7 +29,7 @@ const RUNNING: u32 = 100;
 
 /// The converters.
 pub struct Converters {
-    adc: Ad7606<Receiver, Input<'static>>,
+    adc: Receiver,
     dac: Ad5676r<Transmitter>,
     /// Whether the DAC works: it answered at start, and has not failed since.
     sound: bool,
@@ -53,7 +45,7 @@ pub struct Converters {
 
 static CONVERTERS: Mutex<RefCell<Option<Converters>>> = Mutex::new(RefCell::new(None));
 
-/// Largest number of core cycles from the interrupt until the codes were written.
+/// Largest number of core cycles from the interrupt until the codes were handed over.
 static WRITTEN: AtomicU32 = AtomicU32::new(0);
 
 /// Largest number of core cycles of a sample, from the interrupt to its end.
@@ -71,7 +63,7 @@ static LATEST: AtomicU32 = AtomicU32::new(0);
 /// Samples since the start.
 static SAMPLES: AtomicU32 = AtomicU32::new(0);
 
-/// Deadline for writing the codes, core cycles after the sample.
+/// Deadline for handing the codes over, core cycles after the sample.
 static DEADLINE: AtomicU32 = AtomicU32::new(0);
 
 /// Sample period, core cycles.
@@ -95,6 +87,7 @@ fn TIM1_CC() {
             let written = DWT::cycle_count().wrapping_sub(start);
             let end = since * (CORE / TIMER) + written;
             converters.late = end > DEADLINE.load(Ordering::Relaxed);
+            converters.adc.arm();
             BOARD.follow();
             converters.judge();
             let spent = DWT::cycle_count().wrapping_sub(start);
@@ -110,11 +103,7 @@ fn TIM1_CC() {
 
 impl Converters {
     /// The converters, the DAC started and `sound` or held in reset.
-    pub const fn new(
-        adc: Ad7606<Receiver, Input<'static>>,
-        dac: Ad5676r<Transmitter>,
-        sound: bool,
-    ) -> Self {
+    pub const fn new(adc: Receiver, dac: Ad5676r<Transmitter>, sound: bool) -> Self {
         Self {
             adc,
             dac,
@@ -126,9 +115,17 @@ impl Converters {
         }
     }
 
-    /// The first half of a sample: reads, computes and writes.
+    /// The first half of a sample: reads, computes and hands over.
     fn latch(&mut self) {
-        let samples = self.adc.read().ok().map(Into::into);
+        // While the last bits come in.
+        let written = self.dac.device().end();
+        if self.sound {
+            self.failed = match written {
+                Ok(()) => 0,
+                Err(_) => self.failed + 1,
+            };
+        }
+        let samples = self.adc.read().map(|lines| ad7606::decode(lines).into());
         let reading = Reading {
             // Without a working DAC the samples count as lost, and the loop stays open.
             samples: samples.filter(|_| self.sound),
@@ -138,10 +135,8 @@ impl Converters {
             return;
         };
         if self.sound {
-            self.failed = match self.dac.write(codes) {
-                Ok(()) => 0,
-                Err(_) => self.failed + 1,
-            };
+            let frames = self.dac.frames(codes);
+            self.dac.device().begin(frames);
         }
     }
 
@@ -159,38 +154,41 @@ impl Converters {
         }
     }
 
-    fn read_back(&mut self) {
+    /// Whether the bus was free to read back.
+    fn read_back(&mut self) -> bool {
         if !self.sound {
-            return;
+            return true;
         }
-        self.dac.device().set_divider(SLOW);
-        let outcome = self.dac.read_back();
-        self.dac.device().set_divider(FAST);
-        self.wrong = match outcome {
+        if self.dac.device().is_sending() {
+            return false;
+        }
+        self.wrong = match self.dac.read_back() {
             Ok(()) => 0,
             Err(_) => self.wrong + 1,
         };
         self.judge();
+        true
     }
 }
 
 /// From the next interrupt on, samples are taken with these converters.
 pub fn begin(converters: Converters) {
+    converters.adc.arm();
     critical_section::with(|cs| CONVERTERS.borrow_ref_mut(cs).replace(converters));
 }
 
-/// Reads the code of one of the DAC's outputs back, of each call's the next one.
-pub fn read_back() {
+/// Reads the code of one of the DAC's outputs back, of each call's the next one. False if the
+/// DAC's bus is still sending.
+pub fn read_back() -> bool {
     critical_section::with(|cs| {
-        if let Some(converters) = &mut *CONVERTERS.borrow_ref_mut(cs) {
-            converters.read_back();
-        }
-    });
+        let mut converters = CONVERTERS.borrow_ref_mut(cs);
+        converters.as_mut().is_none_or(Converters::read_back)
+    })
 }
 
 /// Samples at the rate of `table` from now on.
 pub fn run(table: &Table) {
-    let deadline = (table.latch - budget::SETUP) * CORE as f32;
+    let deadline = (table.latch - (budget::WRITE + budget::SETUP) as f32) * CORE as f32;
     DEADLINE.store(deadline as u32, Ordering::Relaxed);
     PERIOD.store((CORE as f32 / table.sample_rate) as u32, Ordering::Relaxed);
     LAST.store(0, Ordering::Relaxed);
@@ -204,7 +202,7 @@ pub fn count() -> u32 {
 
 /// What samples take, ns.
 pub struct Timing {
-    /// Largest time from a sample's interrupt until its codes were written.
+    /// Largest time from a sample's interrupt until its codes were handed to the DMA.
     pub written: u32,
     /// Largest time that a sample takes.
     pub longest: u32,

@@ -1,49 +1,69 @@
-//! The converters' buses, polled, with few accesses to registers: a [`Receiver`] for the ADC, a
-//! [`Transmitter`] for the DAC (STM32H742, H743 reference manual RM0433, chapter 50).
+//! The converters' buses (RM0433, chapter 50): a [`Receiver`] for the ADC, a [`Transmitter`] for
+//! the DAC. Neither keeps the processor waiting, and both drive their select lines by hardware.
 //!
 //! Both use mode 2: SCLK idles high, data is valid on its falling edges.
 
 use cortex_m::peripheral::DWT;
-use embassy_stm32::gpio::Output;
+use embassy_stm32::gpio::Input;
 use embassy_stm32::pac::spi::Spi as Registers;
-use embassy_stm32::pac::spi::regs::Cfg2;
-use embassy_stm32::pac::spi::vals::{Comm, Cpha, Cpol, Master, Mbr};
+use embassy_stm32::pac::spi::regs::{Cfg1, Cfg2, Cr1, Ifcr};
+use embassy_stm32::pac::spi::vals::{Comm, Cpha, Cpol, Master, Mbr, Ssom};
+use embassy_stm32::pac::{SPI3, SPI4, SPI5};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
-use firmware::converters::{ad5676r, ad7606};
+use firmware::budget::{LEAD, PAUSE};
+use firmware::converters::ad5676r::FRAME;
+use firmware::converters::ad7606::{self, Lines};
+use shared::LEGS;
 
-use crate::clocks::{CORE, KERNEL};
+use crate::clocks::{CORE, DAC_KERNEL};
+use crate::dma;
 
-/// Words in the ADC's frame.
-const WORDS: usize = ad7606::FRAME / 4;
-
-/// A frame that takes this many times as long as its bits has failed.
-const PATIENCE: u32 = 3;
-
-/// Core cycles per bit at this divider of the kernel clock.
-fn bit(divider: Mbr) -> u32 {
-    // The fields of MBR are powers of two: 0 is 2, 7 is 256.
-    CORE.div_ceil(KERNEL) * (2 << divider.to_bits())
-}
-
-/// Master in mode 2 in these directions, the select line set by software.
-fn configuration(directions: Comm) -> Cfg2 {
+/// Mode 2, as master or slave, in these directions.
+fn mode(master: Master, directions: Comm) -> Cfg2 {
     let mut w = Cfg2::default();
-    w.set_master(Master::MASTER);
+    w.set_master(master);
     w.set_comm(directions);
     w.set_cpol(Cpol::IDLE_HIGH);
     w.set_cpha(Cpha::FIRST_EDGE);
-    w.set_ssm(true);
     // The pins keep their level between frames.
     w.set_afcntr(true);
     w
 }
 
-/// Waits until `done`, at most until `longest` core cycles after `start`.
-fn wait(start: u32, longest: u32, done: impl Fn() -> bool) -> Result<(), ErrorKind> {
+/// [`mode`] of a master that drives its select line.
+fn selecting(directions: Comm) -> Cfg2 {
+    let mut w = mode(Master::MASTER, directions);
+    w.set_ssoe(true);
+    w.set_mssi(LEAD as u8);
+    w
+}
+
+/// Enabled, and begun or not.
+fn enabled(begun: bool) -> Cr1 {
+    let mut w = Cr1::default();
+    w.set_spe(true);
+    w.set_cstart(begun);
+    w
+}
+
+/// Stops a bus, which empties its queues, and clears its flags.
+fn stop(bus: Registers) {
+    bus.cr1().write_value(Cr1::default());
+    let mut w = Ifcr::default();
+    w.set_eotc(true);
+    w.set_txtfc(true);
+    w.set_ovrc(true);
+    w.set_modfc(true);
+    bus.ifcr().write_value(w);
+}
+
+/// Waits until the bus has ended its transfer, at most for so many core cycles.
+fn wait(bus: Registers, longest: u32) -> Result<(), ErrorKind> {
+    let start = DWT::cycle_count();
     loop {
-        // In this order: what is done is never late.
+        // In this order: what has ended is never late.
         let late = DWT::cycle_count().wrapping_sub(start) > longest;
-        if done() {
+        if bus.sr().read().eot() {
             return Ok(());
         }
         if late {
@@ -52,210 +72,184 @@ fn wait(start: u32, longest: u32, done: impl Fn() -> bool) -> Result<(), ErrorKi
     }
 }
 
-/// A bus that only reads frames of [`ad7606::FRAME`] bytes, in words of 32 bits.
+/// Divider of the kernel clock of the ADC's buses, 57 MHz.
+const ADC_DIVIDER: Mbr = Mbr::DIV4;
+
+/// Core cycles after which the ADC's frame has failed. It ends about when it is waited for.
+const ADC_PATIENCE: u32 = 2 * (CORE / 1_000_000);
+
+/// The ADC's buses: SPI4 reads DOUTA and drives clock and select line, SPI5 reads DOUTB with
+/// the same clock. TIM1 begins a frame.
 pub struct Receiver {
-    registers: Registers,
-    select: Output<'static>,
-    /// The longest time of a frame, core cycles.
-    longest: u32,
+    busy: Input<'static>,
 }
 
 impl Receiver {
-    /// The kernel clock is divided by `divider`. The pins and the clock of the peripheral must
-    /// be on.
-    pub fn new(registers: Registers, select: Output<'static>, divider: Mbr) -> Self {
-        registers.cr1().write(|w| w.set_ssi(true));
-        registers.cfg1().write(|w| {
-            w.set_dsize(31);
-            w.set_mbr(divider);
-        });
-        registers.cfg2().write_value(configuration(Comm::RECEIVER));
-        registers.cr2().write(|w| w.set_tsize(WORDS as u16));
-        Self {
-            registers,
-            select,
-            longest: PATIENCE * 32 * WORDS as u32 * bit(divider),
-        }
-    }
-
-    fn read(&mut self, bytes: &mut [u8; ad7606::FRAME]) -> Result<(), ErrorKind> {
-        let r = self.registers;
-        let enabled = |start| {
-            r.cr1().write(|w| {
-                w.set_ssi(true);
-                w.set_spe(true);
-                w.set_cstart(start);
+    /// Both peripherals' clocks must be on, and the DMA's. `busy` is the BUSY pin.
+    pub fn new(busy: Input<'static>) -> Self {
+        for (bus, w) in [
+            (SPI4, selecting(Comm::RECEIVER)),
+            (SPI5, {
+                // Selected by SSI, which is low.
+                let mut w = mode(Master::SLAVE, Comm::RECEIVER);
+                w.set_ssm(true);
+                w
+            }),
+        ] {
+            bus.cfg1().write(|w| {
+                w.set_dsize(15);
+                w.set_mbr(ADC_DIVIDER);
             });
-        };
-        enabled(false);
-        enabled(true);
-        let ended = wait(DWT::cycle_count(), self.longest, || r.sr().read().eot());
-        if ended.is_ok() {
-            for word in bytes.as_chunks_mut().0 {
-                *word = r.rxdr32().read().to_be_bytes();
-            }
+            bus.cfg2().write_value(w);
+            bus.cr2().write(|w| w.set_tsize(ad7606::LINE as u16));
         }
-        r.ifcr().write(|w| {
-            w.set_eotc(true);
-            w.set_txtfc(true);
-            w.set_ovrc(true);
-            w.set_modfc(true);
-        });
-        r.cr1().write(|w| w.set_ssi(true));
-        ended
+        dma::begin_with(enabled(true).0, SPI4.cr1().as_ptr().cast());
+        Self { busy }
     }
-}
 
-impl ErrorType for Receiver {
-    type Error = ErrorKind;
-}
-
-impl SpiDevice for Receiver {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
-        // The driver of the ADC uses no other.
-        let [Operation::Read(bytes)] = operations else {
-            return Err(ErrorKind::Other);
-        };
-        let Ok(bytes) = <&mut [u8; ad7606::FRAME]>::try_from(&mut **bytes) else {
-            return Err(ErrorKind::Other);
-        };
-        self.select.set_low();
-        let outcome = self.read(bytes);
-        self.select.set_high();
-        outcome
+    /// Makes both buses ready for the next frame.
+    pub fn arm(&self) {
+        for bus in [SPI5, SPI4] {
+            stop(bus);
+            bus.cr1().write_value(enabled(false));
+        }
     }
-}
 
-/// A bus that writes frames of [`ad5676r::FRAME`] bytes, each as one word, in a transfer without
-/// end; and reads such frames, at leisure.
-pub struct Transmitter {
-    registers: Registers,
-    select: Output<'static>,
-    /// Core cycles per bit.
-    bit: u32,
+    /// The codes of the frame that ends about now. None if the conversion has not ended, or a
+    /// bus has not.
+    pub fn read(&self) -> Option<Lines> {
+        if self.busy.is_high() {
+            return None;
+        }
+        wait(SPI4, ADC_PATIENCE).ok()?;
+        wait(SPI5, ADC_PATIENCE).ok()?;
+        Some([SPI4, SPI5].map(|bus| [(); ad7606::LINE].map(|()| bus.rxdr16().read())))
+    }
 }
 
 /// Bits in the DAC's frame.
-const BITS: u32 = 8 * ad5676r::FRAME as u32;
+const BITS: u32 = 8 * FRAME as u32;
 
-/// Bits after which TXC has certainly fallen; less than half a frame.
-const FALLEN: u32 = 8;
+/// Divider of the DAC's clock for writing: 45.6 MHz.
+const FAST: Mbr = Mbr::DIV2;
 
-/// Core cycles per bit above which a frame that is read begins with a pause of one bit: at a
-/// slow clock, SCLK reaches its idle level late after SPE.
-const SLOW: u32 = CORE / 10_000_000;
+/// Divider of the DAC's clock for reading back: 5.7 MHz.
+const SLOW: Mbr = Mbr::DIV16;
+
+/// A frame that takes this many times as long as its bits has failed.
+const PATIENCE: u32 = 3;
+
+/// The DAC's bus, SPI3. The frames of a sample are sent by the DMA, those for starting and
+/// reading back one by one.
+pub struct Transmitter {
+    /// Whether frames of a sample were begun, and nobody has asked for their end.
+    begun: bool,
+}
 
 impl Transmitter {
-    /// The kernel clock is divided by `divider`. The pins and the clock of the peripheral must
-    /// be on.
-    pub fn new(registers: Registers, select: Output<'static>, divider: Mbr) -> Self {
-        let mut bus = Self {
-            registers,
-            select,
-            bit: bit(divider),
-        };
-        bus.set_divider(divider);
-        bus
+    /// The peripheral's clock must be on, and the DMA's.
+    pub fn new() -> Self {
+        dma::feed_to(SPI3.txdr32().as_ptr());
+        Self::prepare();
+        Self { begun: false }
     }
 
-    /// Changes the divider of the clock.
-    pub fn set_divider(&mut self, divider: Mbr) {
-        self.stop();
-        self.registers.cfg1().write(|w| {
-            w.set_dsize(BITS as u8 - 1);
-            w.set_mbr(divider);
-        });
-        self.bit = bit(divider);
-        self.restart();
+    /// 24 bits a frame at this divider; with or without DMA.
+    fn format(divider: Mbr, dma: bool) -> Cfg1 {
+        let mut w = Cfg1::default();
+        w.set_dsize(BITS as u8 - 1);
+        w.set_mbr(divider);
+        w.set_txdmaen(dma);
+        w
     }
 
-    fn stop(&self) {
-        self.registers.cr1().write(|w| w.set_ssi(true));
+    /// For the frames of a sample, with the select line high in between.
+    fn prepare() {
+        let mut w = selecting(Comm::TRANSMITTER);
+        w.set_ssom(Ssom::NOT_ASSERTED);
+        w.set_midi(PAUSE as u8);
+        SPI3.cfg2().write_value(w);
+        SPI3.cr2().write(|w| w.set_tsize(LEGS as u16));
+        SPI3.cfg1().write_value(Self::format(FAST, false));
     }
 
-    /// Enables the bus for this number of frames; 0 is no end.
-    fn start(&self, directions: Comm, frames: u16) {
-        self.registers.cfg2().write_value(configuration(directions));
-        self.registers.cr2().write(|w| w.set_tsize(frames));
-        self.registers.cr1().write(|w| {
-            w.set_ssi(true);
-            w.set_spe(true);
-        });
+    /// Begins to send the frames of a sample. Those of the last must have ended
+    /// ([`Transmitter::end`]).
+    pub fn begin(&mut self, frames: [[u8; FRAME]; LEGS]) {
+        dma::feed(frames.map(word));
+        // In the manual's order: the stream, TXDMAEN, SPE, CSTART.
+        SPI3.cfg1().write_value(Self::format(FAST, true));
+        SPI3.cr1().write_value(enabled(false));
+        SPI3.cr1().write_value(enabled(true));
+        self.begun = true;
     }
 
-    /// Sends one frame.
-    fn send(&mut self, word: u32) -> Result<(), ErrorKind> {
-        let r = self.registers;
-        self.select.set_low();
-        r.txdr32().write_value(word);
-        let start = DWT::cycle_count();
-        // TXC falls some cycles of the kernel clock after the word was written, and rises with
-        // its end: until then it says nothing. The delay may take half of its cycles.
-        cortex_m::asm::delay(2 * FALLEN * self.bit);
-        let outcome = wait(start, PATIENCE * BITS * self.bit, || r.sr().read().txc());
-        self.select.set_high();
-        if outcome.is_err() {
-            // Empties the queue.
-            self.restart();
+    /// Whether frames are still being sent.
+    pub fn is_sending(&self) -> bool {
+        self.begun && !SPI3.sr().read().eot()
+    }
+
+    /// Ends the sending of a sample's frames, and makes ready for the next.
+    ///
+    /// # Errors
+    /// If not all have been sent.
+    pub fn end(&mut self) -> Result<(), ErrorKind> {
+        if !self.begun {
+            return Ok(());
         }
-        outcome
-    }
-
-    /// Back to transfers without end.
-    fn restart(&self) {
-        self.stop();
-        self.start(Comm::TRANSMITTER, 0);
-        self.registers.cr1().modify(|w| w.set_cstart(true));
+        let ended = SPI3.sr().read().eot();
+        self.begun = false;
+        stop(SPI3);
+        SPI3.cfg1().write_value(Self::format(FAST, false));
+        if !ended {
+            dma::abort();
+        }
+        dma::rearm();
+        if ended { Ok(()) } else { Err(ErrorKind::Other) }
     }
 
     /// Sends one frame and returns what came back.
-    fn exchange(&mut self, word: u32) -> Result<u32, ErrorKind> {
-        let r = self.registers;
-        self.stop();
-        self.start(Comm::FULL_DUPLEX, 1);
-        if self.bit > SLOW {
-            cortex_m::asm::delay(self.bit);
-        }
-        self.select.set_low();
-        r.txdr32().write_value(word);
-        r.cr1().modify(|w| w.set_cstart(true));
-        let longest = PATIENCE * BITS * self.bit;
-        let ended = wait(DWT::cycle_count(), longest, || r.sr().read().eot());
-        let found = ended.map(|()| r.rxdr32().read());
-        r.ifcr().write(|w| {
-            w.set_eotc(true);
-            w.set_txtfc(true);
-            w.set_ovrc(true);
-            w.set_modfc(true);
-        });
-        self.select.set_high();
-        self.restart();
+    fn exchange(&mut self, frame: u32, divider: Mbr) -> Result<u32, ErrorKind> {
+        self.end()?;
+        SPI3.cfg1().write_value(Self::format(divider, false));
+        SPI3.cfg2().write_value(selecting(Comm::FULL_DUPLEX));
+        SPI3.cr2().write(|w| w.set_tsize(1));
+        SPI3.cr1().write_value(enabled(false));
+        // The fields of MBR are powers of two: 0 is 2, 7 is 256.
+        let bit = CORE.div_ceil(DAC_KERNEL) * (2 << divider.to_bits());
+        // At a slow clock, SCLK may reach its idle level late after SPE.
+        cortex_m::asm::delay(bit);
+        SPI3.txdr32().write_value(frame);
+        SPI3.cr1().write_value(enabled(true));
+        let found = wait(SPI3, PATIENCE * BITS * bit).map(|()| SPI3.rxdr32().read());
+        stop(SPI3);
+        Self::prepare();
         found
     }
+}
+
+/// A frame as the word that is sent from its highest bit.
+fn word([a, b, c]: [u8; FRAME]) -> u32 {
+    u32::from_be_bytes([0, a, b, c])
 }
 
 impl ErrorType for Transmitter {
     type Error = ErrorKind;
 }
 
-/// A frame as the word that is sent from its highest bit.
-fn word([a, b, c]: [u8; ad5676r::FRAME]) -> u32 {
-    u32::from_be_bytes([0, a, b, c])
-}
-
 impl SpiDevice for Transmitter {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
         // The driver of the DAC uses no other.
         match operations {
-            [Operation::Write(bytes)] => match <[u8; ad5676r::FRAME]>::try_from(*bytes) {
-                Ok(frame) => self.send(word(frame)),
+            [Operation::Write(bytes)] => match <[u8; FRAME]>::try_from(*bytes) {
+                Ok(frame) => self.exchange(word(frame), FAST).map(|_| ()),
                 Err(_) => Err(ErrorKind::Other),
             },
             [Operation::TransferInPlace(bytes)] => {
-                let Ok(frame) = <&mut [u8; ad5676r::FRAME]>::try_from(&mut **bytes) else {
+                let Ok(frame) = <&mut [u8; FRAME]>::try_from(&mut **bytes) else {
                     return Err(ErrorKind::Other);
                 };
-                let [_, a, b, c] = self.exchange(word(*frame))?.to_be_bytes();
+                let [_, a, b, c] = self.exchange(word(*frame), SLOW)?.to_be_bytes();
                 *frame = [a, b, c];
                 Ok(())
             }
