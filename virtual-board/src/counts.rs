@@ -202,9 +202,9 @@ impl Counts {
             .map(|(count, pc)| (pc, *count))
     }
 
-    /// The DAC's outputs take what was written.
-    pub fn latched(&mut self) {
-        self.sample.latched = true;
+    /// LDAC has moved, and the DAC's outputs take what was written if it `latched`.
+    pub fn latched(&mut self, latched: bool) {
+        self.sample.latched |= latched;
     }
 
     /// An access to a register.

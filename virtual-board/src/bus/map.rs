@@ -46,7 +46,7 @@ pub enum Block {
 
 impl Block {
     /// The block at an address, and the offset in it (RM0433, 2.3.2, table 8).
-    pub(super) fn at(address: u32) -> Option<(Self, u32)> {
+    pub fn at(address: u32) -> Option<(Self, u32)> {
         let block = match address {
             0x4000_3C00..0x4000_4000 => Self::Spi3,
             0x4000_4800..0x4000_4C00 => Self::Usart3,

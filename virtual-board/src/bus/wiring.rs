@@ -128,9 +128,8 @@ impl Bus {
             pins::ADC_RESET => self.adc.reset(high),
             pins::CS => self.adc.select(!high && self.is_driven(pin)),
             pins::LDAC => {
-                if self.dac.ldac(!high, at) {
-                    self.counts.latched();
-                }
+                let latched = self.dac.ldac(!high, at);
+                self.counts.latched(latched);
             }
             pins::SYNC => {
                 if let Err(why) = self.dac.sync(!high && self.is_driven(pin), at) {

@@ -104,14 +104,23 @@ fn two_turned_bits_lose_the_table_only() -> Outcome {
     Ok(())
 }
 
-/// Cuts power in the middle of the `operation`-th write or erase of a keep. False if the
-/// keep had fewer.
-fn cut(fill: u32, operation: u64) -> Outcome<bool> {
+/// The flash after so many keeps of the same table.
+fn filled(keeps: u32) -> Outcome<Vec<u8>> {
     let mut lab = Lab::new()?;
-    let old = table(11_111)?;
-    for _ in 0..fill {
-        keep(&mut lab, &old)?;
+    for _ in 0..keeps {
+        keep(&mut lab, &table(11_111)?)?;
     }
+    Ok(lab.board.bus().flash.memory.clone())
+}
+
+/// Cuts power in the middle of the `operation`-th write or erase of a keep into this flash.
+/// False if the keep had fewer.
+fn cut(flash: &[u8], operation: u64) -> Outcome<bool> {
+    let mut lab = Lab::off()?;
+    lab.board.bus_mut().flash.memory.copy_from_slice(flash);
+    lab.board.run(30 * MILLISECOND)?;
+    let old = table(11_111)?;
+    assert_eq!(runs(&mut lab)?, (true, old.checksum()));
     let new = table(22_222)?;
     let length = pieces(&mut lab, &new)?;
     let before = lab.board.bus().flash.operations;
@@ -152,8 +161,9 @@ fn cut(fill: u32, operation: u64) -> Outcome<bool> {
 #[test]
 fn power_cut_at_every_write() -> Outcome {
     let step = if long() { 1 } else { 16 };
+    let flash = filled(1)?;
     let mut operation = 0;
-    while cut(1, operation)? {
+    while cut(&flash, operation)? {
         operation += step;
     }
     assert!(operation > 30, "only {operation} operations");
@@ -167,8 +177,9 @@ fn power_cut_at_every_write_and_erase_of_a_migration() -> Outcome {
         println!("left out without VIRTUAL_LONG=1");
         return Ok(());
     }
+    let flash = filled(83)?;
     let mut operation = 0;
-    while cut(83, operation)? {
+    while cut(&flash, operation)? {
         operation += 1;
     }
     assert!(operation > 30, "only {operation} operations");
