@@ -47,7 +47,8 @@ impl Decibels {
 
     /// The level, dB of full scale: 0 or below, in steps of 0.5. None without a signal.
     pub fn decibels(self) -> Option<f32> {
-        (self != Self::NOTHING).then(|| f32::from(self.0) * -0.5)
+        // Not minus zero.
+        (self != Self::NOTHING).then(|| 0.0 - f32::from(self.0) * 0.5)
     }
 
     /// The level of a power, relative to that of full scale; `power` is above 0.

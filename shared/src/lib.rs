@@ -14,13 +14,13 @@
 //! | module | what is in it |
 //! |---|---|
 //! | [`codes`] | converter codes, and their conversion to and from V, m/s² and N |
+//! | [`recorder`] | a ring buffer of samples at full rate |
 //! | [`table`] | every number that configures a board, its validation and its encoding |
 //! | [`step`] | the controller step, from ADC codes to DAC codes |
 //! | [`injection`] | test signals added to the leg forces |
 //! | [`supervisor`] | modes, the events that change them, faults |
 //! | `monitors` | faults of sensors, outputs and the board, found in every sample |
 //! | [`self_test`] | self-test and pilot: the answers of the sensors to each leg |
-//! | [`recorder`] | a ring buffer of samples at full rate |
 //! | [`levels`] | rms and peak of every sensor and leg, in dB of full scale |
 //! | [`controller`] | all of these together, as a board or the simulation runs them |
 //! | [`link`] | requests to a controller, and its replies, as frames |
@@ -47,13 +47,13 @@
 
 // In the order of the table above; `tests/rooms.rs` checks it.
 pub mod codes;
+pub mod recorder;
 pub mod table;
 pub mod step;
 pub mod injection;
 pub mod supervisor;
 mod monitors;
 pub mod self_test;
-pub mod recorder;
 pub mod levels;
 pub mod controller;
 pub mod link;
