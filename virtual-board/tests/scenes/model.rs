@@ -1,6 +1,6 @@
 //! The model itself: what is skipped makes no difference.
 
-use firmware::budget::GUARD;
+use firmware::budget::{GUARD, LIMITS};
 use virtual_board::time::{MILLISECOND, in_seconds};
 
 use crate::lab::{Lab, Outcome};
@@ -52,6 +52,9 @@ fn counters() -> Outcome {
     assert!(counts.latency.min >= entry);
     assert!(counts.latch.max + counts.follow.max <= counts.instructions.max);
     assert_eq!(counts.late, 0);
+    // At the highest rate, a sample ends before the time in which the link begins nothing.
+    let end = in_seconds(counts.response.max) + f64::from(GUARD);
+    assert!(end < 1.0 / f64::from(LIMITS.rate), "{end}");
     Ok(())
 }
 
