@@ -137,11 +137,12 @@ mod tests {
     fn levels(forces: [[u8; 2]; LEGS]) -> Levels {
         let level = |[rms, peak]: [u8; 2]| serde_json::json!({ "rms": rms, "peak": peak });
         let sensors = [125, 126, 127, 128, 129, 255].map(|rms| level([rms, 100]));
+        let legs = [[0, 0], [255, 254], [255, 255], [21, 12], [6, 0], [7, 1]].map(level);
         let value = serde_json::json!({
             "window": 7,
             "sensors": sensors,
             "forces": forces.map(level),
-            "legs": [[0, 0], [255, 254], [255, 255], [21, 12], [6, 0], [7, 1]].map(level),
+            "legs": legs,
             "limit": 52,
             "load": 38,
         });
