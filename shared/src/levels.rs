@@ -47,8 +47,8 @@ impl Decibels {
 
     /// The level, dB of full scale: 0 or below, in steps of 0.5. None without a signal.
     pub fn decibels(self) -> Option<f32> {
-        // Not minus zero.
-        (self != Self::NOTHING).then(|| 0.0 - f32::from(self.0) * 0.5)
+        // Not a product with −0.5, which would print as −0.0 at full scale.
+        (self != Self::NOTHING).then(|| 0.0 - 0.5 * f32::from(self.0))
     }
 
     /// The level of a power, relative to that of full scale; `power` is above 0.
