@@ -51,6 +51,8 @@ pub struct Counts {
     pub latency: Series,
     /// From the timer's event to the handler's return, ticks.
     pub response: Series,
+    /// From a sample to the end of the frames that write the DAC, ticks.
+    pub written: Series,
     /// Longest time that the handler's interrupt was requested and masked or not yet taken,
     /// ticks. A part of `latency`; the rest is the entry.
     pub masked: Ticks,
@@ -60,6 +62,8 @@ pub struct Counts {
     pub accesses: BTreeMap<(Block, u32), [u64; 2]>,
     /// How often each halfword of bank 1 was fetched as an instruction of the handler.
     flash: Vec<u64>,
+    /// The moment of the last sample.
+    sample: Option<Ticks>,
     /// The moment of the last timer event that no handler has been entered for.
     event: Option<Ticks>,
     /// The moment of the timer event that the handler runs for.
@@ -71,6 +75,18 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// A sample is taken.
+    pub fn sampled(&mut self, at: Ticks) {
+        self.sample = Some(at);
+    }
+
+    /// The frames of a sample have been sent to the DAC.
+    pub fn wrote(&mut self, at: Ticks) {
+        if let Some(sample) = self.sample {
+            self.written.push(at - sample);
+        }
+    }
+
     /// The compare event of the sample interrupt.
     pub fn timer_event(&mut self, at: Ticks) {
         self.overlapped += u64::from(self.inside || self.event.is_some());
@@ -111,6 +127,7 @@ impl Counts {
     pub fn cut(&mut self) {
         self.inside = false;
         (self.event, self.serving, self.request) = (None, None, None);
+        self.sample = None;
     }
 
     /// Whether the handler runs; what preempts it does not count.

@@ -262,6 +262,11 @@ impl Spi {
         }
     }
 
+    /// Whether the frame on the wire is the last of several.
+    pub fn ends_several(&self) -> bool {
+        self.tsize > 1 && self.left == 1
+    }
+
     /// Ends the frame that was due with what MISO brought.
     pub fn finish(&mut self, received: u32) {
         let Wire::Frame(ended) = self.wire else {
