@@ -35,10 +35,10 @@ const ENTRY: f64 = 24.0 / CORE;
 /// Accesses to registers of a sample, as counted on the virtual board (its scene `accesses`):
 /// until the ADC's frame is waited for, from its end until all codes are read, until the DAC's
 /// frames are begun, and after that.
-pub const ACCESSES: [u32; 4] = [12, 9, 4, 6];
+pub const ACCESSES: [u32; 4] = [10, 8, 4, 6];
 
 /// Instructions of the handler beside the controller's, in the same order.
-const OWN: [u32; 4] = [110, 30, 60, 60];
+const OWN: [u32; 4] = [106, 26, 142, 60];
 
 /// Core cycles for an access to a register of the buses: two bridges and registers at a quarter
 /// of the core's clock. The board measures it.
@@ -112,7 +112,7 @@ pub const GUARD: f32 = 12e-6;
 /// What tables the reference board can run.
 pub const LIMITS: Limits = Limits {
     rate: 50e3,
-    written: (8e-6, 14.5e-6),
+    written: (7.5e-6, 14.5e-6),
     beside: false,
     codes: (AdcCode(i16::MAX), DacCode(u16::MAX)),
 };

@@ -85,12 +85,7 @@ fn a_write_is_six_frames() {
     let mut device = Mock::new(&[]);
     let frames = Ad5676r::new(device.clone()).frames(CODES);
     let expected = [
-        [0x10, 0x80, 0x00],
-        [0x11, 0x00, 0x00],
-        [0x12, 0xFF, 0xFF],
-        [0x13, 0x12, 0x34],
-        [0x14, 0x00, 0x01],
-        [0x15, 0x7F, 0xFF],
+        0x10_8000, 0x11_0000, 0x12_FFFF, 0x13_1234, 0x14_0001, 0x15_7FFF,
     ];
     assert_eq!(frames, expected);
     device.done();

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use firmware::budget::{ADC_CLOCK, Budget, DAC_CLOCK, GUARD, LIMITS, READ, SETUP};
+use firmware::budget::{ACCESSES, ADC_CLOCK, BEGIN, Budget, DAC_CLOCK, DUE, GUARD, LIMITS, SETUP};
 use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::vibration::{Floor, budget};
 use host_gen::closed_loop::Pole;
@@ -133,9 +133,15 @@ fn all() -> Vec<Figure> {
     let [latch, sample, longest] =
         ["closed latch", "closed", "closed longest"].map(|of| instructions("modal", of));
     let [usual_time, longest_time] = [sample, longest].map(|whole| Budget::new(whole, latch));
-    let after = |parts: &[f64]| us * (READ + parts.iter().sum::<f64>());
-    let load = |time: Budget| 100.0 * time.busy() / reference.period();
+    let after = |parts: &[f64]| us * (BEGIN + parts.iter().sum::<f64>());
+    let loads = |period: f64| [usual_time, longest_time].map(|time| 100.0 * time.busy() / period);
+    let [load, quick_load] = [reference, quick].map(|board| loads(board.period()));
+    let margin = |latch: f64| us * (latch - longest_time.ready());
     let latch_time = usual_time.latch;
+    let computed = [usual_time.fetch, latch_time, usual_time.begin]
+        .iter()
+        .sum::<f64>();
+    let accesses = ACCESSES.map(f64::from);
     let adc = 1.0 / reference.adc.lsb();
     let accelerometer = reference.accelerometer.unwrap().sensitivity;
     let force_sensor = reference.force_sensor.unwrap().sensitivity;
@@ -182,7 +188,7 @@ fn all() -> Vec<Figure> {
         figure(LOOP, "sensor noise is {} % of the power that is left on a VC-C floor, instead of {} %",
             &[sensor_noise(both), sensor_noise(acceleration)]),
 
-        figure(BOARD, "| PA5, SPI1 SCK | AD7606 RD/SCLK | {} MHz |", &[1e-6 * ADC_CLOCK]),
+        figure(BOARD, "| PE2, SPI4 SCK | AD7606 RD/SCLK | {} MHz |", &[1e-6 * ADC_CLOCK]),
         figure(BOARD, "| PC10, SPI3 SCK | AD5676R SCLK | {} MHz;", &[1e-6 * DAC_CLOCK]),
         figure(BOARD, "{} V/(m/s²): {} codes per m/s², ±{} m/s² |",
             &[accelerometer, adc * accelerometer, full_scale / accelerometer]),
@@ -191,31 +197,32 @@ fn all() -> Vec<Figure> {
         figure(BOARD, "{} N/V: {} codes per N, range ±{} N, limit ±{} N |",
             &[reference.actuator_gain, 1.0 / (reference.dac.lsb() * reference.actuator_gain),
               reference.dac.reach(reference.actuator_gain), reference.force_limit]),
-        figure(BOARD, "```text 0 {} {} {} {} {} T = {} µs",
-            &[after(&[]), after(&[usual_time.read]), after(&[usual_time.read, latch_time]),
-              after(&[usual_time.read, latch_time, usual_time.write]), us * reference.latch_delay, us * reference.period()]),
-        figure(BOARD, "| convert | {} | {} |", &[us * READ; 2]),
-        figure(BOARD, "| read 96 bits | {} | {} | {} MHz;",
+        figure(BOARD, "```text 0 {} {} {} {} {} {} T = {} µs",
+            &[after(&[]), us * DUE, after(&[usual_time.read]), after(&[usual_time.read, computed]),
+              after(&[usual_time.read, computed, usual_time.write]), us * reference.latch_delay, us * reference.period()]),
+        figure(BOARD, "| convert | {} | {} |", &[us * BEGIN; 2]),
+        figure(BOARD, "| read 2 × 48 bits | {} | {} | {} MHz;",
             &[us * usual_time.read, us * longest_time.read, 1e-6 * ADC_CLOCK]),
+        figure(BOARD, "| fetch the codes | {} | {} | {} accesses", &[us * usual_time.fetch, us * longest_time.fetch, accesses[1]]),
         figure(BOARD, "| from codes to codes | {} | {} | {} instructions", &[us * latch_time, us * latch_time, latch]),
-        figure(BOARD, "| second half | {} | {} | {} and {} instructions",
-            &[us * usual_time.follow, us * longest_time.follow, sample - latch, longest - latch]),
+        figure(BOARD, "| hand over | {} | {} | {} accesses", &[us * usual_time.begin, us * longest_time.begin, accesses[2]]),
+        figure(BOARD, "| second half | {} | {} | {} and {} instructions, {} accesses",
+            &[us * usual_time.follow, us * longest_time.follow, sample - latch, longest - latch, accesses[3]]),
         figure(BOARD, "| write 6 × 24 bits | {} | {} | {} MHz;",
             &[us * usual_time.write, us * longest_time.write, 1e-6 * DAC_CLOCK]),
-        figure(BOARD, "| until LDAC | {} | {} |", &[us * f64::from(SETUP); 2]),
+        figure(BOARD, "| until LDAC | {} | {} |", &[us * SETUP; 2]),
         figure(BOARD, "| **ready after** | **{}** | **{}** |", &[us * usual_time.ready(), us * longest_time.ready()]),
-        figure(BOARD, "| **processor busy** | **{}** | **{}** |", &[us * usual_time.busy(), us * longest_time.busy()]),
-        figure(BOARD, "| | {} kHz |", &[khz * reference.sample_rate]),
-        figure(BOARD, "| load, usual / longest | {} / {} % |", &[usual_time, longest_time].map(load)),
-        figure(BOARD, "| latch after the sample | {} µs |", &[us * reference.latch_delay]),
-        figure(BOARD, "| margin before the latch | {} µs |", &[us * (reference.latch_delay - longest_time.ready())]),
-        figure(BOARD, "| hold, half a period | {} µs |", &[0.5 * us * reference.period()]),
-        figure(BOARD, "| whole delay | {} µs |", &[us * reference.whole_delay()]),
-        figure(BOARD, "| suspension / internal band, dB | {} / {} |", &bands(nucleo)),
+        figure(BOARD, "| **processor busy** | **{}** | **{}** | from the interrupt, {} µs",
+            &[us * usual_time.busy(), us * longest_time.busy(), us * DUE]),
+        figure(BOARD, "| | {} kHz | {} kHz |", &[khz * reference.sample_rate, khz * quick.sample_rate]),
+        figure(BOARD, "| load, usual / longest | {} / {} % | {} / {} % |", &[load, quick_load].concat()),
+        figure(BOARD, "| latch after the sample | {} µs | {} µs |", &[us * reference.latch_delay, us * quick.latch_delay]),
+        figure(BOARD, "| margin before the latch | {} µs | {} µs |", &[margin(reference.latch_delay), margin(quick.latch_delay)]),
+        figure(BOARD, "| hold, half a period | {} µs | {} µs |", &[0.5 * us * reference.period(), 0.5 * us * quick.period()]),
+        figure(BOARD, "| whole delay | {} µs | {} µs |", &[us * reference.whole_delay(), us * quick.whole_delay()]),
+        figure(BOARD, "| suspension / internal band, dB | {} / {} | {} / {} |", &[bands(nucleo), bands(fast)].concat()),
         figure(BOARD, "The highest rate is {} kHz: the link begins nothing in the {} µs before an interrupt",
             &[khz * f64::from(LIMITS.rate), us * f64::from(GUARD)]),
-        figure(BOARD, "({} kHz, a whole delay of {} µs) is a design study: {} / {} dB",
-            &[khz * quick.sample_rate, us * quick.whole_delay(), bands(fast)[0], bands(fast)[1]]),
         figure(BOARD, "{} kHz, LDAC {} µs after CONVST", &[khz * reference.sample_rate, us * reference.latch_delay]),
         figure(BOARD, "Apply 1 V to one input after the other: {} on that channel", &[adc]),
     ];

@@ -5,7 +5,7 @@ use crate::chips::ad5676r::Ad5676r;
 use crate::image::Image;
 use crate::machine::{Machine, Stop};
 use crate::peripherals::rcc::Reset;
-use crate::time::{Cost, SECOND, Ticks, in_seconds};
+use crate::time::{Cost, MICROSECOND, SECOND, Ticks, in_seconds};
 pub use crate::wires::LEGS;
 use crate::wires::Pin;
 
@@ -117,7 +117,9 @@ impl Board {
              {:.3} µs of it masked\n  \
              it returns {:.1} µs after its event, at most {:.1} µs\n  \
              instructions from codes to codes: {:.0}, at most {}; after that: {:.0}, at most {}\n  \
-             accesses to registers without waiting: ADC's frame {}, DAC's six frames {}",
+             accesses to registers without waiting: ADC's frame {}, DAC's frames {}
+  \
+             the DAC's frames end {:.2} to {:.2} µs after the sample",
             counts.instructions.count,
             counts.late,
             bus.cost.instruction,
@@ -134,6 +136,8 @@ impl Board {
             counts.follow.max,
             counts.adc.max,
             counts.dac.max,
+            microseconds(counts.written.min),
+            microseconds(counts.written.max),
         )
     }
 
@@ -150,6 +154,11 @@ impl Board {
                 counts.instructions.min,
                 counts.instructions.max,
                 counts.instructions.mean()
+            ),
+            format!(
+                "codes in the DAC {:.2} to {:.2} µs after the sample",
+                counts.written.min as f64 / MICROSECOND as f64,
+                counts.written.max as f64 / MICROSECOND as f64
             ),
             format!(
                 "cycles from the timer's event to the handler {} to {}, to its return {} to {}; longest masked {}; {} events during a handler",

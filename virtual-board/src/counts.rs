@@ -64,6 +64,8 @@ pub struct Counts {
     pub latency: Series,
     /// From the timer's event to the handler's return, ticks.
     pub response: Series,
+    /// From a sample to the end of the frames that write the DAC, ticks.
+    pub written: Series,
     /// Longest time that the handler's interrupt was requested and masked or not yet taken,
     /// ticks. A part of `latency`; the rest is the entry.
     pub masked: Ticks,
@@ -79,10 +81,12 @@ pub struct Counts {
     pub latch: Series,
     /// Instructions after the last access for the DAC.
     pub follow: Series,
-    /// Samples with an access for the DAC after their latch.
+    /// Samples whose frames ended after their latch.
     pub late: u64,
     /// How often each halfword of bank 1 was fetched as an instruction of the handler.
     flash: Vec<u64>,
+    /// The moment of the last sample.
+    taken: Option<Ticks>,
     /// The moment of the last timer event that no handler has been entered for.
     event: Option<Ticks>,
     /// The moment of the timer event that the handler runs for.
@@ -105,11 +109,24 @@ struct Sample {
     dac_last: u64,
     /// The last access, if it was a read.
     read: Option<(Block, u32)>,
+    /// Whether the outputs were latched since the timer's event.
     latched: bool,
-    late: bool,
 }
 
 impl Counts {
+    /// A sample is taken.
+    pub fn sampled(&mut self, at: Ticks) {
+        self.taken = Some(at);
+    }
+
+    /// The frames of a sample have been sent to the DAC.
+    pub fn wrote(&mut self, at: Ticks) {
+        if let Some(taken) = self.taken {
+            self.written.push(at - taken);
+        }
+        self.late += u64::from(self.sample.latched);
+    }
+
     /// The compare event of the sample interrupt.
     pub fn timer_event(&mut self, at: Ticks) {
         self.overlapped += u64::from(self.inside || self.event.is_some());
@@ -155,7 +172,6 @@ impl Counts {
             self.dac.push(sample.dac);
             self.latch.push(sample.dac_first - sample.adc_last);
             self.follow.push(self.current - sample.dac_last);
-            self.late += u64::from(sample.late);
         }
         if let Some(event) = self.serving.take() {
             self.response.push(at - event);
@@ -166,6 +182,7 @@ impl Counts {
     pub fn cut(&mut self) {
         self.inside = false;
         (self.event, self.serving, self.request) = (None, None, None);
+        self.taken = None;
     }
 
     /// Whether the handler runs; what preempts it does not count.
@@ -237,7 +254,6 @@ impl Counts {
                 }
                 sample.dac += u64::from(!again);
                 sample.dac_last = self.current;
-                sample.late |= sample.latched;
             }
             Chip::Other => {}
         }

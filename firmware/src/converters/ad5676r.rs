@@ -54,19 +54,24 @@ impl DacChannel {
 }
 
 impl DacCommand {
+    /// The frame as a number, which is sent from its highest bit.
+    pub const fn word(self) -> u32 {
+        let (command, channel, DacCode(data)) = match self {
+            Self::Nothing => (0b0000, 0, DacCode(0)),
+            Self::Write(channel, code) => (0b0001, channel.0, code),
+            Self::WriteAndUpdate(channel, code) => (0b0011, channel.0, code),
+            // The key that a reset requires.
+            Self::Reset => (0b0110, 0, DacCode(0x1234)),
+            Self::InternalReference => (0b0111, 0, DacCode(0)),
+            Self::ReadBack(channel) => (0b1001, channel.0, DacCode(0)),
+        };
+        (command << 4 | channel as u32) << 16 | data as u32
+    }
+
     /// The bytes of the frame.
     pub const fn encode(self) -> [u8; FRAME] {
-        let (command, channel, data) = match self {
-            Self::Nothing => (0b0000, 0, 0),
-            Self::Write(channel, code) => (0b0001, channel.0, code.0),
-            Self::WriteAndUpdate(channel, code) => (0b0011, channel.0, code.0),
-            // The key that a reset requires.
-            Self::Reset => (0b0110, 0, 0x1234),
-            Self::InternalReference => (0b0111, 0, 0),
-            Self::ReadBack(channel) => (0b1001, channel.0, 0),
-        };
-        let [high, low] = data.to_be_bytes();
-        [command << 4 | channel, high, low]
+        let [_, a, b, c] = self.word().to_be_bytes();
+        [a, b, c]
     }
 }
 
@@ -124,14 +129,14 @@ impl<S: SpiDevice> Ad5676r<S> {
         Ok(())
     }
 
-    /// The frames that write the codes which the outputs take at the next LDAC, each with SYNC
-    /// of its own. The bus sends them.
-    pub fn frames(&mut self, codes: [DacCode; LEGS]) -> [[u8; FRAME]; LEGS] {
+    /// The frames, as [`DacCommand::word`], that write the codes which the outputs take at the
+    /// next LDAC, each with SYNC of its own. The bus sends them.
+    pub fn frames(&mut self, codes: [DacCode; LEGS]) -> [u32; LEGS] {
         let [last, _] = self.written;
         self.written = [codes, last];
-        let mut frames = [[0; FRAME]; LEGS];
+        let mut frames = [0; LEGS];
         for ((frame, channel), code) in frames.iter_mut().zip(DacChannel::ALL).zip(codes) {
-            *frame = DacCommand::Write(channel, code).encode();
+            *frame = DacCommand::Write(channel, code).word();
         }
         frames
     }

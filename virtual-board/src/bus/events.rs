@@ -78,6 +78,7 @@ impl Bus {
             return;
         };
         if event.update {
+            self.counts.sampled(at);
             self.gate.pass();
         }
         // The end of LDAC.
@@ -98,6 +99,9 @@ impl Bus {
         }
         if let Some(frame) = self.spi3.due(at) {
             let received = self.exchange_dac(frame);
+            if self.spi3.ends_several() {
+                self.counts.wrote(at);
+            }
             self.spi3.finish(received);
         }
         self.drive(pins::CS, at);

@@ -22,8 +22,8 @@ use crate::idle::Idle;
 use crate::image::Image;
 use crate::peripherals::rcc::Reset;
 use crate::time::{Cost, Ticks};
-use emulator::Emulator;
 use crate::wires::{INPUTS, LEGS};
+use emulator::Emulator;
 use registers::general;
 
 /// What the hooks know.

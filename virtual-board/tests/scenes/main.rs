@@ -11,3 +11,4 @@ mod model;
 mod processor;
 mod starts;
 mod storage;
+mod timing;

@@ -26,7 +26,8 @@ fn pieces(lab: &mut Lab, table: &ValidTable) -> Outcome<u32> {
     Ok(bytes.len() as u32)
 }
 
-fn keep(lab: &mut Lab, table: &ValidTable) -> Outcome {
+/// Sends a table, and has it kept.
+pub fn keep(lab: &mut Lab, table: &ValidTable) -> Outcome {
     let length = pieces(lab, table)?;
     lab.done(Request::Keep(length, table.checksum()))
 }

@@ -175,8 +175,8 @@ impl Transmitter {
 
     /// Begins to send the frames of a sample. Those of the last must have ended
     /// ([`Transmitter::end`]).
-    pub fn begin(&mut self, frames: [[u8; FRAME]; LEGS]) {
-        dma::feed(frames.map(word));
+    pub fn begin(&mut self, frames: [u32; LEGS]) {
+        dma::feed(frames);
         // In the manual's order: the stream, TXDMAEN, SPE, CSTART.
         SPI3.cfg1().write_value(Self::format(FAST, true));
         SPI3.cr1().write_value(enabled(false));

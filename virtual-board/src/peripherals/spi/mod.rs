@@ -262,6 +262,11 @@ impl Spi {
         }
     }
 
+    /// Whether the frame on the wire is the last of several.
+    pub fn ends_several(&self) -> bool {
+        self.tsize > 1 && self.left == 1
+    }
+
     /// Ends the frame that was due with what MISO brought.
     pub fn finish(&mut self, received: u32) {
         let Wire::Frame(ended) = self.wire else {
@@ -435,7 +440,7 @@ impl Spi {
                     return Err("written while TXP is clear".to_owned());
                 }
                 self.tx.extend(&value.to_le_bytes()[..size]);
-                if !self.is_endless() && self.tx.len() % self.bytes() == 0 {
+                if !self.is_endless() && self.tx.len().is_multiple_of(self.bytes()) {
                     self.wanted -= 1;
                     if self.wanted == 0 {
                         self.flags |= TXTF;
