@@ -3,12 +3,16 @@
 //! A pass is what the core does from an instruction until it comes to the same instruction
 //! again. If at both moments all registers and all memory are the same, if in between no
 //! exception was taken, no memory behind a callback was written, and peripherals were only
-//! read, and only registers that change with an event alone ([`Bus::unsteady`]), then the next pass does exactly the same, and the one after it,
-//! until something from outside happens: an exception, or a change in what the program can
-//! only learn through such an access. So whole passes are skipped that end before the next
-//! event of any peripheral: the state stays the same, time and instruction count advance by
-//! as many passes, and everything after is what it would have been, to the tick. Nothing
-//! the program could see is changed.
+//! read, and only registers that change with an event alone ([`Bus::unsteady`]), then the next
+//! pass does exactly the same, and the one after it, until something from outside happens: an
+//! exception, or a change in what the program can only learn through such an access. So whole
+//! passes are skipped that end before the next event of any peripheral: the state stays the
+//! same, time and instruction count advance by as many passes, and everything after is what it
+//! would have been, to the tick. Nothing the program could see is changed.
+//!
+//! A pass in which an event happened has to run. If it begins in the same state as one before
+//! and reads the same from the peripherals ([`Answers`]), it also ends in the same state: the
+//! memory is compared once, not in each pass.
 //!
 //! A peripheral that writes memory by itself (DMA) must have its transfers among the
 //! events, and call [`Idle::forget`] for each.
