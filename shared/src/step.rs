@@ -140,7 +140,7 @@ impl State {
         if t.ac_coupling > 0.0 && count > 0 {
             let mean = |i: usize| {
                 let Calibration { zero, gain } = t.sensors[i];
-                (sums[i] as f32 / count as f32 - zero) * gain
+                (single(sums[i]) / count as f32 - zero) * gain
             };
             self.averages = [core::array::from_fn(mean), [0.0; LEGS]];
         }
@@ -670,6 +670,15 @@ fn bounded(x: f32, limit: f32) -> f32 {
 #[inline]
 pub(crate) fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
+}
+
+/// The number in single precision, by its halves: the conversion of a whole one would be a
+/// subroutine.
+#[inline]
+pub(crate) fn single(x: i64) -> f32 {
+    let size = x.unsigned_abs();
+    let size = (size >> 32) as u32 as f32 * 4_294_967_296.0 + size as u32 as f32;
+    if x < 0 { -size } else { size }
 }
 
 /// The bit of the sign.

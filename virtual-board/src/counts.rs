@@ -8,6 +8,9 @@
 use crate::bus::Block;
 use crate::time::Ticks;
 
+/// Offset of the register of an SPI that codes are read from.
+const RXDR: u32 = 0x30;
+
 /// Address of bank 1 of the flash.
 const FLASH: u32 = 0x0800_0000;
 
@@ -77,7 +80,7 @@ pub struct Counts {
     pub adc: Series,
     /// Accesses of a sample for the DAC.
     pub dac: Series,
-    /// Instructions from the last access for the ADC to the first for the DAC.
+    /// Instructions from the last code read to the first access for the DAC.
     pub latch: Series,
     /// Instructions after the last access for the DAC.
     pub follow: Series,
@@ -103,9 +106,10 @@ pub struct Counts {
 struct Sample {
     adc: u64,
     dac: u64,
-    /// Instructions when the ADC was last accessed, and when the DAC was, first and last.
+    /// Instructions when the last code was read.
     adc_last: u64,
-    dac_first: u64,
+    /// Instructions when the DAC was first accessed after that, and when it was last.
+    dac_first: Option<u64>,
     dac_last: u64,
     /// The last access, if it was a read.
     read: Option<(Block, u32)>,
@@ -166,11 +170,11 @@ impl Counts {
         self.request = None;
         self.instructions.push(self.current);
         let sample = &self.sample;
-        // Without the DAC it was no sample of the loop.
-        if sample.dac > 0 {
+        // Without the DAC after the ADC it was no sample of the loop.
+        if let (Some(dac_first), 1..) = (sample.dac_first, sample.adc_last) {
             self.adc.push(sample.adc);
             self.dac.push(sample.dac);
-            self.latch.push(sample.dac_first - sample.adc_last);
+            self.latch.push(dac_first - sample.adc_last);
             self.follow.push(self.current - sample.dac_last);
         }
         if let Some(event) = self.serving.take() {
@@ -246,12 +250,13 @@ impl Counts {
         match chip {
             Chip::Adc => {
                 sample.adc += u64::from(!again);
-                sample.adc_last = self.current;
+                if (offset, write) == (RXDR, false) {
+                    sample.adc_last = self.current;
+                    sample.dac_first = None;
+                }
             }
             Chip::Dac => {
-                if sample.dac == 0 {
-                    sample.dac_first = self.current;
-                }
+                sample.dac_first.get_or_insert(self.current);
                 sample.dac += u64::from(!again);
                 sample.dac_last = self.current;
             }

@@ -38,6 +38,9 @@ const LONG: u32 = 30_000;
 /// Samples of a mode that does the same in each of them.
 const SHORT: u32 = 2_000;
 
+/// Samples of a soft start, the end of its wait among them.
+const START: u32 = 12;
+
 /// Records of the recorder.
 const ROOM: usize = 64;
 
@@ -202,6 +205,8 @@ fn measure(counter: &mut Counter, name: &str, table: Table) {
     settle(&mut controller);
     print(&mut controller, "idle", Mode::Idle, SHORT);
     let _ = controller.ask(Event::Start);
+    // Six samples until it waits, three in which it does, and some towards the full gain.
+    print(&mut controller, "soft start", Mode::Starting, START);
     settle(&mut controller);
     print(&mut controller, "closed", Mode::Closed, LONG);
     controller.set_telemetry(1);

@@ -4,7 +4,7 @@
 
 use crate::LEGS;
 use crate::codes::{Calibration, DacCode, Samples};
-use crate::step::larger;
+use crate::step::{larger, single};
 use crate::supervisor::{Cause, Mode};
 use crate::table::Table;
 
@@ -51,15 +51,6 @@ impl Sums {
         let mean = single(self.first) / n;
         single(self.second) / n - mean * mean
     }
-}
-
-/// The number in single precision, by its halves: the conversion of a whole one would be a
-/// subroutine.
-#[inline]
-fn single(x: i64) -> f32 {
-    let size = x.unsigned_abs();
-    let size = (size >> 32) as u32 as f32 * 4_294_967_296.0 + size as u32 as f32;
-    if x < 0 { -size } else { size }
 }
 
 /// Sums over a window.

@@ -373,15 +373,16 @@ impl Session<'_> {
         self.samples(100)?;
         self.done(&Request::Inject(Injection {
             signal: Signal::Multisine {
-                period: 1024,
+                period: 256,
                 first: 1,
                 apart: 3,
-                count: 20,
+                count: 12,
             },
             legs: [1.0, -2.0, 3.0, -1.0, 0.5, 0.0],
             samples: 400,
         }))?;
-        self.samples(500)?;
+        // It begins when its period is computed, after 512 samples.
+        self.samples(1000)?;
         self.records(Request::Recording, 200)?;
 
         self.done(&Request::Start)?;
