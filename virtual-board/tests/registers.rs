@@ -8,7 +8,7 @@ use stm32_metapac::metadata::ir::{Array, BitOffset, Block as Layout, BlockItemIn
 use stm32_metapac::metadata::{METADATA, Peripheral};
 use virtual_board::bus::{Block, Bus};
 use virtual_board::peripherals::{
-    Register, dbgmcu, flash, gpio, iwdg, pwr, rcc, spi, syscfg, tim1, usart,
+    Register, dbgmcu, dma, flash, gpio, iwdg, pwr, rcc, spi, syscfg, tim1, usart,
 };
 use virtual_board::time::Cost;
 use virtual_board::wires::{Pin, pins};
@@ -19,9 +19,10 @@ type Outcome = Result<(), Box<dyn std::error::Error>>;
 /// begin with there.
 type Modelled = (&'static str, &'static [Register], &'static str);
 
-const MODELLED: [Modelled; 14] = [
-    ("SPI1", &spi::REGISTERS, "SPI_"),
+const MODELLED: [Modelled; 15] = [
     ("SPI3", &spi::REGISTERS, "SPI_"),
+    ("SPI4", &spi::REGISTERS, "SPI_"),
+    ("SPI5", &spi::REGISTERS, "SPI_"),
     ("USART3", &usart::REGISTERS, "USART3_"),
     ("TIM1", &tim1::REGISTERS, "TIM1_"),
     ("FLASH", &flash::REGISTERS, "FLASH_"),
@@ -285,14 +286,35 @@ fn interrupts_have_their_numbers() {
     }
 }
 
+/// DMA's requests have the numbers of DMAMUX1's table.
+#[test]
+fn requests_have_their_numbers() -> Outcome {
+    for (name, signal, number) in [("TIM1", "CH1", dma::TIM1_CH1), ("SPI3", "TX", dma::SPI3_TX)] {
+        let all = peripheral(name)?.dma_channels;
+        let found = all
+            .iter()
+            .find(|c| c.signal == signal && c.dmamux == Some("DMAMUX1"));
+        assert_eq!(
+            found.and_then(|c| c.request),
+            Some(number),
+            "{name} {signal}"
+        );
+    }
+    Ok(())
+}
+
 /// The wired pins can have the functions that the board uses.
 #[test]
 fn pins_have_their_functions() -> Outcome {
     for (name, signal, pin, function) in [
         ("TIM1", "CH1", pins::CONVST, 1),
         ("TIM1", "CH3", pins::LDAC, 1),
-        ("SPI1", "SCK", pins::ADC_SCLK, 5),
-        ("SPI1", "MISO", pins::DOUTA, 5),
+        ("SPI4", "SCK", pins::ADC_SCLK, 5),
+        ("SPI4", "NSS", pins::CS, 5),
+        ("SPI4", "MISO", pins::DOUTA, 5),
+        ("SPI5", "SCK", pins::DOUTB_SCLK, 5),
+        ("SPI5", "MOSI", pins::DOUTB, 5),
+        ("SPI3", "NSS", pins::SYNC, 6),
         ("SPI3", "SCK", pins::DAC_SCLK, 6),
         ("SPI3", "MOSI", pins::SDI, 6),
         ("SPI3", "MISO", pins::SDO, 6),

@@ -50,7 +50,9 @@ fn counters() -> Outcome {
     let entry = 12 * lab.board.bus().ticks.2;
     assert!(counts.masked + entry <= counts.latency.max);
     assert!(counts.latency.min >= entry);
-    assert!(counts.latch.max + counts.follow.max <= counts.instructions.max);
+    // Both halves of a sample are parts of it.
+    assert!(counts.latch.min + counts.follow.max <= counts.instructions.max);
+    assert!(counts.latch.max + counts.follow.min <= counts.instructions.max);
     assert_eq!(counts.late, 0);
     // At the highest rate, a sample ends before the time in which the link begins nothing.
     let end = in_seconds(counts.response.max) + f64::from(GUARD);
