@@ -308,7 +308,6 @@ fn documenting() -> Command {
     let mut command = cargo();
     command.args(["doc", "--release", "--workspace", "--no-deps", "--quiet"]);
     // As in .ci/run, or it would be made twice.
-    command.args(["--lib", "--bins", "--examples"]);
     command.arg("--locked").env("RUSTDOCFLAGS", "-D warnings");
     command
 }
