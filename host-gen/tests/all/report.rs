@@ -126,6 +126,34 @@ fn charts_peak_where_the_design_says() {
     );
 }
 
+/// The drawn limits: the bound M of the sensitivity as a level in dB, and around −1 in the Nyquist
+/// plane, where |1 + L| = 1/M; and half the power of the floor.
+#[test]
+fn limits_are_where_their_names_say() {
+    let review = frame();
+    let bound = parse(&edited(&[])).unwrap().target.max_sensitivity;
+    let limit = |id: &str| {
+        let mut series = chart(review, id).series.iter();
+        series.find(|series| series.style == Style::Limit).unwrap()
+    };
+    let near = |found: f64, expected: f64| {
+        // Six digits.
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    };
+    for y in &limit("sensitivity").y {
+        near(*y, 20.0 * bound.log10());
+    }
+    for y in &limit("isolation").y {
+        near(*y, 10.0 * 0.5_f64.log10());
+    }
+    let circle = limit("nyquist");
+    for (re, im) in circle.x.iter().zip(&circle.y) {
+        near((1.0 + re).hypot(*im), 1.0 / bound);
+    }
+    let right = circle.x.iter().copied().fold(f64::MIN, f64::max);
+    near(right, 1.0 / bound - 1.0);
+}
+
 /// The chart of vibration is in µm/s: VC-C is 12.5 µm/s from 8 Hz on (its published limit), and far
 /// below the suspension, f_1, the frame without control follows a floor at this limit, as one mode
 /// at f_1 or above would.
