@@ -647,11 +647,11 @@ impl Section {
     #[inline(always)]
     fn run(&self, states: &mut [f32; 2], u: f32, free: f32) -> [f32; 2] {
         let [x1, x2] = *states;
-        let y = self.direct * u + self.band * x1 + self.low * x2;
+        let y = self.output(states, u);
         let slope = u - self.damping * x1 - x2;
         let [x1, x2] = [x1 + self.rate * slope, x2 + self.rate * x1];
         *states = [x1, x2];
-        [y, self.direct * free + self.band * x1 + self.low * x2]
+        [y, self.output(states, free)]
     }
 }
 

@@ -164,17 +164,22 @@ fn a_constant_offset_gives_no_kick_and_dies_out() {
     assert!(last.abs() <= CODE, "{last} N");
 }
 
-/// A shock of any height moves the AC coupling's average by its limit a time
-/// constant and no more; a shift that stays is still followed.
-#[test]
-fn a_shock_is_no_offset() {
+/// 1000 N/(m/s²) behind an AC coupling whose averages follow at most 1e-3 m/s².
+fn limited_coupling() -> ValidTable {
     let mut t = direct(Direct {
         proportional: Matrix6::identity() * 1e3,
         ..DIRECT
     });
     t.ac_coupling = 1e-3;
     t.ac_limit = 1e-3;
-    let t = valid(t);
+    valid(t)
+}
+
+/// A shock of any height moves the AC coupling's average by its limit a time
+/// constant and no more; a shift that stays is still followed.
+#[test]
+fn a_shock_is_no_offset() {
+    let t = limited_coupling();
     let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
     for _ in 0..100 {
         step(&t, &mut state, [AdcCode(30_000); LEGS].into(), Demand::LAW);
@@ -194,13 +199,7 @@ fn a_shock_is_no_offset() {
 /// is closed.
 #[test]
 fn an_open_loop_follows_every_offset() {
-    let mut t = direct(Direct {
-        proportional: Matrix6::identity() * 1e3,
-        ..DIRECT
-    });
-    t.ac_coupling = 1e-3;
-    t.ac_limit = 1e-3;
-    let t = valid(t);
+    let t = limited_coupling();
     let mut state = State::settled_on(&t, [AdcCode(0); LEGS].into());
     let offset = [AdcCode(20_000); LEGS].into();
     let (mut ahead, mut latched) = (Ahead::NOTHING, Latched::NOTHING);

@@ -5,7 +5,7 @@ use crate::chips::ad5676r::Ad5676r;
 use crate::image::Image;
 use crate::machine::{Machine, Stop};
 use crate::peripherals::rcc::Reset;
-use crate::time::{Cost, MICROSECOND, SECOND, Ticks, in_seconds};
+use crate::time::{Cost, SECOND, Ticks, in_seconds};
 pub use crate::wires::LEGS;
 use crate::wires::Pin;
 
@@ -154,11 +154,6 @@ impl Board {
                 counts.instructions.min,
                 counts.instructions.max,
                 counts.instructions.mean()
-            ),
-            format!(
-                "codes in the DAC {:.2} to {:.2} µs after the sample",
-                counts.written.min as f64 / MICROSECOND as f64,
-                counts.written.max as f64 / MICROSECOND as f64
             ),
             format!(
                 "cycles from the timer's event to the handler {} to {}, to its return {} to {}; longest masked {}; {} events during a handler",

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 use crate::edits::model_path;
 use host_gen::board::link::{Address, Client, LinkError};
@@ -40,6 +40,19 @@ impl Board {
         let address = line.trim().strip_prefix("listening on ").unwrap();
         let address = address.parse().unwrap();
         Self(process, address)
+    }
+
+    /// A command of the link whose reader, `to`, may have enough before its end. The status is
+    /// that of the command.
+    fn piped(&self, command: &str, to: &str) -> Output {
+        let script = format!(
+            "\"$0\" link --at {} {command} | {to}; exit ${{PIPESTATUS[0]}}",
+            self.1
+        );
+        Command::new("bash")
+            .args(["-c", &script, env!("CARGO_BIN_EXE_host-gen")])
+            .output()
+            .unwrap()
     }
 }
 
@@ -275,14 +288,7 @@ fn numbers_out_of_range() {
 fn a_closed_pipe_is_no_error() {
     let board = Board::start();
     for command in ["telemetry --every 10", "record --after 5000"] {
-        let script = format!(
-            "\"$0\" link --at {} {command} | head -n 1; exit ${{PIPESTATUS[0]}}",
-            board.1
-        );
-        let output = Command::new("bash")
-            .args(["-c", &script, env!("CARGO_BIN_EXE_host-gen")])
-            .output()
-            .unwrap();
+        let output = board.piped(command, "head -n 1");
         let error = String::from_utf8(output.stderr).unwrap();
         // On a busy machine the command says what it waits for.
         let waits = |line: &str| line.is_empty() || line.contains(": waiting for ");
@@ -333,14 +339,7 @@ fn levels_of_what_the_board_reads() {
     assert!(least < 0.6, "{least} dB");
 
     // The command goes on until its reader has enough.
-    let script = format!(
-        "\"$0\" link --at {} --format json levels --watch | head -c 20000; exit ${{PIPESTATUS[0]}}",
-        board.1
-    );
-    let output = Command::new("bash")
-        .args(["-c", &script, env!("CARGO_BIN_EXE_host-gen")])
-        .output()
-        .unwrap();
+    let output = board.piped("--format json levels --watch", "head -c 20000");
     assert!(output.status.success());
     let printed = serde_json::Deserializer::from_slice(&output.stdout).into_iter();
     // The last one is cut.

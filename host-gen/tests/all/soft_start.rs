@@ -7,6 +7,23 @@ use shared::codes::{AdcCode, DacCode, Samples};
 use shared::controller::{Controller, Memory, Reading};
 use shared::supervisor::{Event, Mode, QUIET};
 
+/// Begins a soft start: a second at rest, the self-test, and a second again.
+fn begin(
+    controller: &mut Controller<'_>,
+    second: usize,
+    mut sample: impl FnMut(&mut Controller<'_>),
+) {
+    for event in [Event::SelfTest, Event::Start] {
+        for _ in 0..second {
+            sample(controller);
+        }
+        controller.ask(event).unwrap();
+        while controller.report().mode == Mode::Testing {
+            sample(controller);
+        }
+    }
+}
+
 /// While a leg pushes with more than half its limit, the gain of a soft start falls; afterwards
 /// it grows again, and the loop closes.
 #[test]
@@ -27,15 +44,9 @@ fn large_forces_lower_the_gain() {
         rig.advance(dac);
         push(dac)
     };
-    for event in [Event::SelfTest, Event::Start] {
-        for _ in 0..second {
-            sample(&mut controller, 1.0);
-        }
-        controller.ask(event).unwrap();
-        while controller.report().mode == Mode::Testing {
-            sample(&mut controller, 1.0);
-        }
-    }
+    begin(&mut controller, second, |controller| {
+        sample(controller, 1.0);
+    });
     while controller.report().gain < 0.2 {
         sample(&mut controller, 1.0);
     }
@@ -88,23 +99,17 @@ fn the_end_of_the_wait_is_not_felt() {
         let dac = controller.on_sample(Reading::from(codes));
         rig.advance(dac).amax()
     };
-    for event in [Event::SelfTest, Event::Start] {
-        for _ in 0..second {
-            sample(&mut controller);
-        }
-        controller.ask(event).unwrap();
-        while controller.report().mode == Mode::Testing {
-            sample(&mut controller);
-        }
-    }
+    begin(&mut controller, second, |controller| {
+        sample(controller);
+    });
     while controller.report().gain < QUIET {
         sample(&mut controller);
     }
     let wait = 2 * table.get().supervision.settle as usize;
-    let largest = |count: usize, sample: &mut dyn FnMut() -> f64| {
-        (0..count).map(|_| sample()).fold(0.0, f64::max)
+    let mut run = |count: usize| {
+        let motions = (0..count).map(|_| sample(&mut controller));
+        motions.fold(0.0, f64::max)
     };
-    let mut run = |count| largest(count, &mut || sample(&mut controller));
     run(wait - second);
     let before = run(second - 10);
     // The gain is still below twice that of the wait.

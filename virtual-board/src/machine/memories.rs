@@ -10,6 +10,7 @@ use super::Machine;
 use super::emulator::{Core, Emulator, failed, state};
 use super::hooks::bad_access;
 use super::registers::masks;
+use crate::bus::Bus;
 use crate::memory::{AXI, Area};
 use crate::peripherals::flash::{BANK, BANK_2};
 
@@ -163,6 +164,19 @@ unsafe extern "C" fn write_register<const START: u32>(
         .write(START + offset as u32, size as usize, value as u32);
 }
 
+/// The bus, for an access to the flash: it takes time and may change what is read next.
+///
+/// # Safety
+/// As of [`state`].
+unsafe fn at_flash<'a>(data: *mut c_void) -> &'a mut Bus {
+    // SAFETY: as the caller's.
+    let state = unsafe { state(data) };
+    state.wake = 0;
+    state.bus.accesses += 1;
+    state.bus.unsteady += 1;
+    &mut state.bus
+}
+
 unsafe extern "C" fn read_flash(
     uc: *mut uc_engine,
     offset: u64,
@@ -170,12 +184,8 @@ unsafe extern "C" fn read_flash(
     data: *mut c_void,
 ) -> u64 {
     // SAFETY: a callback's data.
-    let state = unsafe { state(data) };
+    let bus = unsafe { at_flash(data) };
     let masks = masks(Core::of(uc));
-    let bus = &mut state.bus;
-    bus.accesses += 1;
-    bus.unsteady += 1;
-    state.wake = 0;
     match bus
         .flash
         .read_memory(offset as usize, size as usize, bus.now)
@@ -203,11 +213,7 @@ unsafe extern "C" fn write_flash(
     data: *mut c_void,
 ) {
     // SAFETY: a callback's data.
-    let state = unsafe { state(data) };
-    let bus = &mut state.bus;
-    bus.accesses += 1;
-    bus.unsteady += 1;
-    state.wake = 0;
+    let bus = unsafe { at_flash(data) };
     let done = bus
         .flash
         .write_memory(offset as usize, size as usize, value, bus.now);

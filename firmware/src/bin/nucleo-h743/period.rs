@@ -18,7 +18,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_stm32::pac::timer::{regs, vals};
 use embassy_stm32::pac::{RCC, TIM1};
-use firmware::budget::{BEGIN, DUE as AT, GUARD};
+use firmware::budget::{self, BEGIN, GUARD};
 
 use crate::clocks::TIMER;
 
@@ -65,13 +65,13 @@ pub fn start(rate: f32, latch: f32) {
     t.arr().write(|w| w.set_arr((period - 1) as u16));
     t.psc().write_value(prescaler as u16);
     t.ccr(0).write(|w| w.set_ccr(at(BEGIN as f32)));
-    t.ccr(1).write(|w| w.set_ccr(at(AT as f32)));
+    t.ccr(1).write(|w| w.set_ccr(at(budget::DUE as f32)));
     let latest = period - 1 - u32::from(at(SHORTEST)).max(1);
     let latch = ((counts(latch) / (prescaler + 1)) % period).min(latest);
     let end = (latch + u32::from(at(PULSE))).min(period - 1);
     t.ccr(2).write(|w| w.set_ccr(latch as u16));
     t.ccr(3).write(|w| w.set_ccr(end as u16));
-    let guard = u32::from(at(AT as f32)) + period - u32::from(at(GUARD)).min(period);
+    let guard = u32::from(at(budget::DUE as f32)) + period - u32::from(at(GUARD)).min(period);
     t.ccr5().write(|w| w.set_ccr((guard % period) as u16));
     // CH1: PWM mode 1. CH2: its flag only.
     t.ccmr_output(0)
