@@ -10,7 +10,8 @@ use crate::machine::Simulation;
 /// independent for each of the base's six motions, each with the rms of the settings.
 pub(super) struct BandNoise {
     filters: [Biquad; 2],
-    states: [[[f64; 2]; 2]; 6],
+    /// Both states of each filter, for each motion.
+    states: [[[f64; 6]; 2]; 2],
     scale: f64,
     random: ChaCha8Rng,
 }
@@ -37,10 +38,14 @@ impl Biquad {
         }
     }
 
-    fn step(&self, state: &mut [f64; 2], x: f64) -> f64 {
-        let y = self.b[0] * x + state[0];
-        state[0] = self.b[1] * x - self.a[0] * y + state[1];
-        state[1] = self.b[2] * x - self.a[1] * y;
+    /// Filters one sample of `N` signals.
+    fn step<const N: usize>(&self, [first, second]: &mut [[f64; N]; 2], x: [f64; N]) -> [f64; N] {
+        let mut y = [0.0; N];
+        for i in 0..N {
+            y[i] = self.b[0] * x[i] + first[i];
+            first[i] = self.b[1] * x[i] - self.a[0] * y[i] + second[i];
+            second[i] = self.b[2] * x[i] - self.a[1] * y[i];
+        }
         y
     }
 }
@@ -53,15 +58,16 @@ impl Biquad {
 fn energy(filters: &[Biquad; 2]) -> f64 {
     // The response of states and output to a unit state or a unit input.
     let response = |at: Option<usize>| {
-        let mut states = [[0.0; 2]; 2];
+        let mut states = [[[0.0]; 2]; 2];
         if let Some(at) = at {
-            states[at / 2][at % 2] = 1.0;
+            states[at / 2][at % 2] = [1.0];
         }
-        let mut x = if at.is_none() { 1.0 } else { 0.0 };
+        let mut x = [if at.is_none() { 1.0 } else { 0.0 }];
         for (filter, state) in filters.iter().zip(&mut states) {
             x = filter.step(state, x);
         }
-        (Vector4::from_iterator(states.into_iter().flatten()), x)
+        let states = states.as_flattened().as_flattened();
+        (Vector4::from_column_slice(states), x[0])
     };
     let columns = [0, 1, 2, 3].map(|at| response(Some(at)));
     let mut a = Matrix4::from_columns(&columns.map(|(states, _)| states));
@@ -85,7 +91,7 @@ impl BandNoise {
         ];
         Self {
             filters,
-            states: [[[0.0; 2]; 2]; 6],
+            states: [[[0.0; 6]; 2]; 2],
             // The filters scale the rms of white noise by the root of their energy.
             scale: settings.floor_rms / energy(&filters).sqrt(),
             random,
@@ -93,14 +99,12 @@ impl BandNoise {
     }
 
     pub(super) fn sample(&mut self) -> [f64; 6] {
-        core::array::from_fn(|i| {
-            let white: f64 = StandardNormal.sample(&mut self.random);
-            let mut x = white * self.scale;
-            for (filter, state) in self.filters.iter().zip(&mut self.states[i]) {
-                x = filter.step(state, x);
-            }
-            x
-        })
+        let white: [f64; 6] = core::array::from_fn(|_| StandardNormal.sample(&mut self.random));
+        let mut x = white.map(|x| x * self.scale);
+        for (filter, states) in self.filters.iter().zip(&mut self.states) {
+            x = filter.step(states, x);
+        }
+        x
     }
 }
 
@@ -116,14 +120,14 @@ mod tests {
                 Biquad::butterworth(low, 1e-3, true),
                 Biquad::butterworth(high, 1e-3, false),
             ];
-            let mut states = [[0.0; 2]; 2];
+            let mut states = [[[0.0]; 2]; 2];
             let sum: f64 = (0..100_000)
                 .map(|k| {
-                    let mut x = if k == 0 { 1.0 } else { 0.0 };
+                    let mut x = [if k == 0 { 1.0 } else { 0.0 }];
                     for (filter, state) in filters.iter().zip(&mut states) {
                         x = filter.step(state, x);
                     }
-                    x * x
+                    x[0] * x[0]
                 })
                 .sum();
             let found = energy(&filters);

@@ -2,11 +2,11 @@
 
 use nalgebra::DMatrix;
 
-/// A matrix in blocks of twelve rows, the last one padded with zeros, so that the
-/// compiler uses vector registers.
+/// A matrix in blocks of four rows, the last one padded with zeros. The sums of a block fit into
+/// the vector registers of any processor.
 pub(super) struct Blocks(Vec<Vec<[f64; BLOCK]>>);
 
-pub(super) const BLOCK: usize = 12;
+pub(super) const BLOCK: usize = 4;
 
 impl Blocks {
     pub(super) fn new(matrix: &DMatrix<f64>) -> Self {
@@ -22,23 +22,25 @@ impl Blocks {
     /// `sum` += matrix·`vector`; `sum` in blocks as the matrix.
     pub(super) fn add_product(&self, vector: &[f64], sum: &mut [[f64; BLOCK]]) {
         for (columns, sum) in self.0.iter().zip(sum) {
-            // Two sums, so that one need not wait for the other.
+            // Two sums, so that one need not wait for the other. Both are local: the compiler cannot
+            // know that `sum` is none of the columns.
+            let mut even = *sum;
             let mut odd = [0.0; BLOCK];
             let mut columns = columns.chunks_exact(2);
             let mut pairs = vector.chunks_exact(2);
             for (columns, x) in columns.by_ref().zip(pairs.by_ref()) {
                 for i in 0..BLOCK {
-                    sum[i] += columns[0][i] * x[0];
+                    even[i] += columns[0][i] * x[0];
                     odd[i] += columns[1][i] * x[1];
                 }
             }
             for (column, x) in columns.remainder().iter().zip(pairs.remainder()) {
                 for i in 0..BLOCK {
-                    sum[i] += column[i] * x;
+                    even[i] += column[i] * x;
                 }
             }
             for i in 0..BLOCK {
-                sum[i] += odd[i];
+                sum[i] = even[i] + odd[i];
             }
         }
     }

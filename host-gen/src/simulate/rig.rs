@@ -122,12 +122,12 @@ impl Rig {
         self.floor = [self.floor[1], next.into()];
         let seen = self.forces[self.plant.whole_periods];
         let [from_state, direct] = &self.sensors;
-        let mut y = [[0.0; BLOCK]];
+        let mut y = [[0.0; BLOCK]; (2 * LEGS).div_ceil(BLOCK)];
         from_state.add_product(self.state.as_flattened(), &mut y);
         direct.add_product([self.floor[0], seen].as_flattened(), &mut y);
         let mut samples = Samples::from([AdcCode(0); LEGS]);
         let codes = [&mut samples.sensors, &mut samples.forces];
-        let values = y[0].chunks_exact(LEGS);
+        let values = y.as_flattened().chunks_exact(LEGS);
         for ((codes, values), (sensor, noise)) in codes.into_iter().zip(values).zip(&self.kinds) {
             for ((code, value), drift) in codes.iter_mut().zip(values).zip(self.drift) {
                 let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
