@@ -49,7 +49,6 @@ impl DesignAnalysis {
                 &closed,
                 study.design_model(),
                 &machine.target,
-                machine.board.whole_delay(),
                 &pole_peaks(&poles),
             ),
             delay: DelayBudget::new(&machine.board),

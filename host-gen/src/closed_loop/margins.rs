@@ -1,12 +1,11 @@
 //! Disk margins and Bode's integral of the sampled loop.
 
-use core::f64::consts::LN_2;
-
 use nalgebra::{Complex, Matrix6};
 use serde::Serialize;
 use shared::LEGS;
 
 use super::SLOWEST;
+use super::bode::Bode;
 use super::sampled::SampledLoop;
 use crate::machine::Target;
 use crate::model::design_model::DesignModel;
@@ -52,37 +51,15 @@ pub struct Margins {
     pub bode: Bode,
 }
 
-/// Bode's integral of the sampled loop, with the sensitivity S.
-///
-/// The integral of ln|det S| from zero to half the sample rate is zero for every controller,
-/// because plant and controller are stable and the loop contains a sample of delay. So
-/// attenuation at some frequencies causes amplification at others.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Bode {
-    /// Attenuation, mean over the six modes, Hz: the integral of −ln|det S|/6 over the frequencies
-    /// at which it is positive.
-    pub attenuation_hz: f64,
-    /// Amplification, mean over the six modes, Hz: the integral of ln|det S|/6 over the frequencies
-    /// at which it is positive.
-    pub amplification_hz: f64,
-    /// Largest amplification within the sensitivity bound Ms, Hz: ln Ms in all modes from the
-    /// crossover to 1/(2τ). There the delay τ alone turns the phase by 180°, so the loop gain must
-    /// be small.
-    pub limit_hz: f64,
-    /// Highest frequency, Hz, at which the mean attenuation over the six modes is a factor of two
-    /// or more.
-    pub crossover_hz: f64,
-}
-
 /// The margins of the sampled loop `closed`, opened at the modal forces of `model`.
 ///
 /// `target` has the target frequency, from a small part of which on the loop is evaluated, and
-/// the largest allowed peak sensitivity Ms; `delay` is the whole delay τ of the loop, s. The frequency grid is refined at `peaks` (centre and half width, Hz).
+/// the largest allowed peak sensitivity Ms. The frequency grid is refined at `peaks` (centre and
+/// half width, Hz).
 pub fn margins(
     closed: &SampledLoop<'_>,
     model: &DesignModel,
     target: &Target,
-    delay: f64,
     peaks: &[(f64, f64)],
 ) -> Margins {
     let modal_loop = closed.modal_loop(&model.modal);
@@ -105,27 +82,15 @@ pub fn margins(
         }
         together = together.max((sensitivity - half).singular_values().max());
     }
-    let mut bode = Bode {
-        attenuation_hz: 0.0,
-        amplification_hz: 0.0,
-        limit_hz: 0.0,
-        crossover_hz: top,
-    };
-    for (hz, log) in points.windows(2).zip(logarithms.windows(2)) {
-        let part = 0.5 * (log[0] + log[1]) * (hz[1] - hz[0]);
-        if part < 0.0 {
-            bode.attenuation_hz -= part;
-        } else {
-            bode.amplification_hz += part;
-        }
-    }
-    if let Some(last) = logarithms.iter().rposition(|log| *log < -LN_2) {
-        bode.crossover_hz = points[last];
-    }
-    bode.limit_hz = (0.5 / delay - bode.crossover_hz).max(0.0) * target.max_sensitivity.ln();
     Margins {
         modes: single.map(Margin::new),
         together: Margin::new(together),
-        bode,
+        bode: Bode::new(
+            &points,
+            &logarithms,
+            closed.plant.seen_delay(),
+            closed.plant.period,
+            target.max_sensitivity,
+        ),
     }
 }

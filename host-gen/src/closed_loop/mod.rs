@@ -2,6 +2,7 @@
 //! isolation and margins.
 
 pub mod bands;
+pub mod bode;
 pub mod ideal;
 pub mod isolation;
 pub mod margins;

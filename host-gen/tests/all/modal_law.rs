@@ -1,6 +1,8 @@
 //! The modal law against the direct one, and against what the paper says.
 
-use crate::common::{Looped, edited, encirclements, looped, rough, study};
+use core::f64::consts::{LN_2, TAU};
+
+use crate::common::{Looped, edited, encirclements, looped, looped_frame, rough, study};
 use host_gen::analysis::rounding::rounding;
 use host_gen::closed_loop::margins::margins;
 use host_gen::closed_loop::{SampledLoop, stable};
@@ -12,7 +14,8 @@ use host_gen::design::Study;
 use host_gen::design::outcome::{Advice, Refusal};
 use host_gen::design::{Design, DesignError};
 use host_gen::machine::Simulation;
-use host_gen::numeric::frequencies::pole_peaks;
+use host_gen::numeric::frequencies::{grid, pole_peaks};
+use host_gen::plant::SampledPlant;
 use host_gen::simulate::Rig;
 use nalgebra::{Complex, DMatrix, Matrix6};
 use shared::LEGS;
@@ -187,9 +190,9 @@ fn both_kinds_beat_either() {
     proven(study, table, shaped);
 }
 
-/// Bode: with a stable plant, a stable controller and a sample of delay the
-/// logarithm of det S has no mean. And a disk margin means what it says: the
-/// loop stands the gains inside and not one a little outside.
+/// Bode: attenuation and amplification are equal, and with two samples of delay the bound allows
+/// less than ln 2·f_s/4. And a disk margin means what it says: the loop stands the gains inside
+/// and not one a little outside.
 #[test]
 fn what_is_attenuated_comes_back() {
     let (study, table, _) = modal_frame();
@@ -201,13 +204,14 @@ fn what_is_attenuated_comes_back() {
         &closed,
         study.design_model(),
         &study.machine().target,
-        75e-6,
         &peaks,
     );
     let bode = found.bode;
     assert!(bode.attenuation_hz > 500.0);
     assert!((bode.attenuation_hz / bode.amplification_hz - 1.0).abs() < 0.01);
+    assert_eq!(bode.delay_samples, 2);
     assert!(bode.amplification_hz < bode.limit_hz);
+    assert!(bode.limit_hz < LN_2 * 20e3 / 4.0);
     // All modes at once by one factor: inside the disk.
     let gain = found.together.gain;
     for factor in [0.99 * gain, 1.01 / gain] {
@@ -220,6 +224,71 @@ fn what_is_attenuated_comes_back() {
     }
     // |S − ½| ≤ Ms + ½.
     assert!(found.together.disk > 0.4);
+}
+
+/// What [`Bode`] follows from, by the Fourier coefficients of ln|det S|: those below the delay of
+/// the samples are zero, and the next is not. On three laws, delays with and without a part of a
+/// period, and with lags of amplifier and sensors.
+///
+/// [`Bode`]: host_gen::closed_loop::bode::Bode
+#[test]
+fn a_delay_of_d_samples_takes_d_coefficients() {
+    for (study, table, _) in [modal_frame(), both_frame(), looped_frame()] {
+        for (latch_delay, bandwidth, delay) in [
+            (15e-6, None, 1),
+            (50e-6, None, 2),
+            (50e-6, Some(3e3), 2),
+            (80e-6, None, 2),
+            (80e-6, Some(3e3), 2),
+            (100e-6, None, 3),
+            (130e-6, None, 3),
+        ] {
+            let mut board = study.machine().board;
+            board.latch_delay = latch_delay;
+            board.actuator_bandwidth = bandwidth;
+            // Lags at one frequency would be a double pole, which partial fractions do not have.
+            board.sensor.bandwidth = bandwidth.map(|hz| 1.5 * hz);
+            let plant = SampledPlant::new(study.plant().plant.clone(), &board);
+            let law = LinearLaw::new(table).with_gain(0.05);
+            assert_eq!(plant.seen_delay(), delay);
+
+            let points = grid(1e-4, 0.5 / plant.period, 10_000, &plant.plant.peaks());
+            let determinants: Vec<_> = points
+                .iter()
+                .map(|&hz| {
+                    let loop_gain = law.response(plant.z(hz)) * plant.response(hz).g22();
+                    (Matrix6::identity() - loop_gain).determinant()
+                })
+                .collect();
+            // Nyquist: the loop is stable.
+            let turned: f64 = determinants.windows(2).map(|d| (d[1] / d[0]).arg()).sum();
+            assert!(turned.abs() < 1.0, "{latch_delay} {bandwidth:?}: {turned}");
+            let logarithms: Vec<_> = determinants.iter().map(|d| -d.norm().ln() / 6.0).collect();
+            let integral = |weight: &dyn Fn(f64, f64) -> f64| -> f64 {
+                points
+                    .windows(2)
+                    .zip(logarithms.windows(2))
+                    .map(|(hz, log)| {
+                        let middle = 0.5 * (hz[0] + hz[1]);
+                        let log = 0.5 * (log[0] + log[1]);
+                        (hz[1] - hz[0]) * log * weight(middle, log)
+                    })
+                    .sum()
+            };
+            let all = integral(&|_, log| 0.5 * log.signum());
+            let coefficient =
+                |n: usize| integral(&|hz, _| (TAU * n as f64 * hz * plant.period).cos()) / all;
+            for n in 0..delay {
+                let zero = coefficient(n);
+                assert!(
+                    zero.abs() < 1e-3,
+                    "{latch_delay} {bandwidth:?}: {n}, {zero}"
+                );
+            }
+            let next = coefficient(delay);
+            assert!(next.abs() > 0.02, "{latch_delay} {bandwidth:?}: {next}");
+        }
+    }
 }
 
 /// Single precision stays 20 dB and more under the sensors' noise.

@@ -88,18 +88,18 @@ impl Display for DesignAnalysis {
         let bode = &self.margins.bode;
         writeln!(
             f,
-            "{TITLE}Bode's integral, mean of the modes:{TITLE:#} {:.0} Hz of attenuation, {:.0} Hz of amplification;",
-            bode.attenuation_hz, bode.amplification_hz
+            "{TITLE}Bode's integral, mean of the modes, delay of {} sample{}:{TITLE:#} {:.0} Hz of attenuation, {:.0} Hz of amplification;",
+            bode.delay_samples,
+            if bode.delay_samples == 1 { "" } else { "s" },
+            bode.attenuation_hz,
+            bode.amplification_hz
         )?;
-        if bode.limit_hz > 0.0 {
-            writeln!(
-                f,
-                "  the bound, from {:.0} Hz to where the delay alone turns the phase by 180°, allows {:.0} Hz: {:.0} % of that is used",
-                bode.crossover_hz,
-                bode.limit_hz,
-                100.0 * bode.amplification_hz / bode.limit_hz
-            )?;
-        }
+        writeln!(
+            f,
+            "  amplification by the bound wherever the loop amplifies would be {:.0} Hz: {:.0} % of that is used",
+            bode.limit_hz,
+            100.0 * bode.amplification_hz / bode.limit_hz
+        )?;
         write!(f, "Single precision relative to sensor noise, dB:")?;
         for Rounding {
             hz, over_noise_db, ..

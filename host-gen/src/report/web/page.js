@@ -232,7 +232,7 @@ function loop(m) {
     ${charts_of(m, "loop-gain", "sensitivity", "nyquist")}
     <h3>Disk margins</h3><p class="note">Changes of gain and phase, at the same time, that the loop tolerates before it is unstable.</p>
     ${table(["", "α", "gain", "phase"], margins.map(([name, x]) => [name, fixed(x.disk, 2), `×${fixed(x.gain, 2)}`, `±${fixed(x.phase_deg)}°`]))}
-    <p class="note">Bode's integral: ${fixed(b.attenuation_hz, 0)} Hz of attenuation cost ${fixed(b.amplification_hz, 0)} Hz of amplification; ${fixed((100 * b.amplification_hz) / b.limit_hz, 0)} % of what the bound and the delay allow.</p>
+    <p class="note">Bode's integral, delay of ${b.delay_samples} sample${b.delay_samples === 1 ? "" : "s"}: ${fixed(b.attenuation_hz, 0)} Hz of attenuation cost ${fixed(b.amplification_hz, 0)} Hz of amplification, ${fixed((100 * b.amplification_hz) / b.limit_hz, 0)} % of what the bound allows.</p>
     <h3>Roll-off</h3><p class="note">The ideal gain is constant up to any frequency; with a delay this is unstable. So each mode has its own roll-off. AC coupling ${short(s.ac_coupling_hz)} Hz, leak ${short(s.leak_hz)} Hz.</p>${shaping}`;
 }
 
