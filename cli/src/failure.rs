@@ -53,7 +53,7 @@ pub enum Failure {
     Fault(String),
     #[error(transparent)]
     Plot(#[from] PlotError),
-    #[error("--{flag} must be from {least} to {most}{unit}")]
+    #[error("--{flag} must be from {least} to {}{unit}", short(*most))]
     Between {
         flag: &'static str,
         least: f64,
@@ -110,5 +110,14 @@ pub fn in_study(model: &Path) -> impl Fn(StudyError) -> Failure {
     move |error| match error {
         StudyError::Machine(error) => error.into(),
         StudyError::Design(error) => in_loop(error),
+    }
+}
+
+/// A limit as text: a large one as a power of ten, not as a row of zeros.
+pub fn short(limit: f64) -> String {
+    if limit < 1e7 {
+        limit.to_string()
+    } else {
+        format!("{limit:e}")
     }
 }

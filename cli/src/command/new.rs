@@ -12,7 +12,7 @@ use host_gen::machine::schema::schema;
 use host_gen::model::template::{Mounts, Outline};
 
 use crate::arguments::between;
-use crate::failure::Failure;
+use crate::failure::{Failure, short};
 use crate::files::write_whole;
 
 #[derive(Args)]
@@ -111,7 +111,7 @@ impl Questions {
                     if right(*x) {
                         Ok(())
                     } else {
-                        Err(format!("Enter a number from {least} to {most:e}"))
+                        Err(format!("Enter a number from {least} to {}", short(most)))
                     }
                 })
                 .interact_text()
