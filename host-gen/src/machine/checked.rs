@@ -11,7 +11,7 @@ use shared::table::ModelDigest;
 
 use super::error::{EntryError, MachineError};
 use super::file::{
-    FeedbackKind, LawName, MachineFile, Minimise, Provenance, ShapeEntry, Simulation,
+    FeedbackKind, LawName, MachineFile, Minimise, Provenance, RollOff, ShapeEntry, Simulation,
     SupervisionSettings,
 };
 use super::source::Source;
@@ -204,6 +204,8 @@ pub struct Target {
     pub damping: f64,
     /// Upper limit for the peak sensitivity of the sampled loop (no unit).
     pub max_sensitivity: f64,
+    /// Upper limit for the complementary sensitivity at high frequency.
+    pub roll_off: Option<RollOff>,
     /// Structure of the control law.
     pub law: LawName,
     /// Objective of the search for the controller.

@@ -43,6 +43,7 @@
 //!         damping: 0.7,
 //!         max_sensitivity: 2.0,
 //!         law: LawName::Modal,
+//!         roll_off: None,
 //!         minimise: Minimise::Peaks,
 //!         shapes: None,
 //!     },
@@ -400,6 +401,10 @@ pub struct ControlEntry {
     /// Default: 2.
     #[serde(default = "two")]
     pub max_sensitivity: f64,
+    /// Limit for the loop at high frequency, where the machine has modes that the model does
+    /// not have. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roll_off: Option<RollOff>,
     /// Structure of the control law: `"modal"` (the default) or `"direct"`.
     #[serde(default)]
     pub law: LawName,
@@ -439,6 +444,32 @@ pub struct ResonanceEntry {
     pub hz: f64,
     /// Damping ratio (no unit). Above 0; above 1 the pair is real.
     pub damping: f64,
+}
+
+/// `control.roll_off`: an upper limit for the complementary sensitivity T of the sampled loop.
+///
+/// Above `hz`, σ_max(T) with the loop opened at the forces along the modes is at most
+/// (`hz`/f)^`order` at each frequency f. So the loop also stays stable with unmodelled dynamics
+/// whose relative size is at most (f/`hz`)^`order` there.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct RollOff {
+    /// Frequency from which on the limit holds, Hz. Above 0.
+    pub hz: f64,
+    /// Slope: the limit falls as 1/f to this power (no unit). Not negative.
+    pub order: f64,
+}
+
+impl RollOff {
+    /// The largest allowed σ_max(T) at the frequency `hz`, Hz (no unit): infinite below the
+    /// frequency from which on the limit holds.
+    pub fn limit(&self, hz: f64) -> f64 {
+        if hz < self.hz {
+            f64::INFINITY
+        } else {
+            (self.hz / hz).powf(self.order)
+        }
+    }
 }
 
 /// Structure of the control law.

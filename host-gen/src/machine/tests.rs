@@ -174,6 +174,7 @@ fn frame() -> MachineFile {
             max_sensitivity: 2.0,
             law: LawName::Modal,
             shapes: None,
+            roll_off: None,
             minimise: Minimise::Peaks,
         },
         board: BoardEntry {

@@ -17,7 +17,7 @@ use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, BodyEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind,
     ForceSensorEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry,
-    SensorEntry, ShapeEntry, Simulation, SupervisionSettings,
+    RollOff, SensorEntry, ShapeEntry, Simulation, SupervisionSettings,
 };
 use super::limits::{self, Limits};
 use super::source::{Source, has};
@@ -619,6 +619,13 @@ fn target(control: &ControlEntry) -> Checked<Target> {
         max_sensitivity > 1.0,
         "be above 1",
     )?;
+    let roll_off = control.roll_off.map(|entry| {
+        Ok(RollOff {
+            hz: positive("control.roll_off.hz", entry.hz, "Hz")?,
+            order: not_negative("control.roll_off.order", entry.order, "")?,
+        })
+    });
+    let roll_off = roll_off.transpose()?;
     if control.feedback == FeedbackKind::Both && control.law == LawName::Direct {
         return Err(EntryError::new(
             "control.law",
@@ -630,6 +637,7 @@ fn target(control: &ControlEntry) -> Checked<Target> {
         frequency: positive("control.frequency", control.frequency, "Hz")?,
         damping: not_negative("control.damping", control.damping, "")?,
         max_sensitivity,
+        roll_off,
         law: control.law,
         minimise: control.minimise,
     })
