@@ -107,7 +107,7 @@ impl Budget {
 /// Time before a sample's interrupt in which nothing begins that masks interrupts, s: longer
 /// than each of the firmware's critical sections. The longest takes 7.3 µs on the virtual board, at
 /// one cycle for an instruction and 20 for an access (its scene `critical_sections_are_short`).
-pub const GUARD: f32 = 12e-6;
+pub const GUARD: f32 = 11e-6;
 
 /// What tables the reference board can run.
 pub const LIMITS: Limits = Limits {

@@ -15,10 +15,10 @@ use shared::table::{
 pub static TABLE: ValidTable = match (Table {
     version: 6,
     model: ModelDigest([
-        0x97, 0xe6, 0x28, 0x73, 0x45, 0xe3, 0x58, 0xcd,
-        0x0d, 0x15, 0x3c, 0xfd, 0x73, 0xd5, 0x52, 0x40,
-        0x01, 0xd0, 0xe6, 0xe6, 0x99, 0xe4, 0x81, 0xa3,
-        0x6b, 0x47, 0x9a, 0x39, 0x87, 0x69, 0x71, 0xad,
+        0x72, 0xa3, 0x41, 0x6c, 0x3a, 0x7c, 0x1f, 0xbe,
+        0x01, 0x1a, 0x2f, 0x66, 0xb1, 0xe5, 0x36, 0x43,
+        0x80, 0x96, 0x5e, 0x16, 0x58, 0x4a, 0x49, 0xbb,
+        0x8d, 0xa9, 0xb0, 0xe5, 0xb5, 0xc8, 0x32, 0xff,
     ]),
     // Hz.
     sample_rate: 20000.0,
@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0047030956,
+    ac_limit: 0.004851674,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -68,59 +68,59 @@ pub static TABLE: ValidTable = match (Table {
                 0.0, -0.0095162755, 0.027165847, 0.030643724, -0.027165847, -0.02112745;
                 0.028522575, -0.028522575, 0.028522575, -0.028522575, 0.028522575, -0.028522575;
             ],
-            split: [0.010145704, 0.010145704, 0.0038969459, 0.0038969459, 0.0038969459, 0.005924966],
+            split: [0.014988799, 0.014988799, 0.034679513, 0.025936063, 0.025936063, 0.04292642],
             }),
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.02071808, damping: 2.1281974, direct: 0.002537308, band: 0.13778648, low: 0.9974627 },
-                        Section { rate: 0.23240666, damping: 2.2574158, direct: 0.9239053, band: -0.38274503, low: 0.07609469 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.05595373, damping: 16.341236, direct: 0.006043964, band: 0.060920496, low: 0.993956 },
+                        Section { rate: 0.12045134, damping: 2.3512423, direct: 0.56251967, band: -0.003951114, low: 0.43748033 },
+                        Section { rate: 0.038996946, damping: 0.56751084, direct: 0.6953337, band: 1.2683625, low: 0.30466628 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.02071808, damping: 2.1281974, direct: 0.002537308, band: 0.13778648, low: 0.9974627 },
-                        Section { rate: 0.23240666, damping: 2.2574158, direct: 0.9239053, band: -0.38274503, low: 0.07609469 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.05595373, damping: 16.341236, direct: 0.006043964, band: 0.060920496, low: 0.993956 },
+                        Section { rate: 0.12045134, damping: 2.3512423, direct: 0.56251967, band: -0.003951114, low: 0.43748033 },
+                        Section { rate: 0.038996946, damping: 0.56751084, direct: 0.6953337, band: 1.2683625, low: 0.30466628 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.01715277, damping: 2.3044598, direct: 0.0016174957, band: 0.107724704, low: 0.9983825 },
-                        Section { rate: 0.23240666, damping: 2.2574158, direct: 0.68444306, band: -0.15327866, low: 0.31555694 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.03065308, damping: 28.90962, direct: 0.0018252551, band: 0.03501785, low: 0.9981747 },
+                        Section { rate: 0.12551594, damping: 2.3043041, direct: 0.5714805, band: 0.06993271, low: 0.4285195 },
+                        Section { rate: 0.04539657, damping: 1.3277742, direct: 1.106763, band: 1.1330396, low: -0.10676295 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.017287645, damping: 2.7700243, direct: 0.001643033, band: 0.10777728, low: 0.99835694 },
-                        Section { rate: 0.19820899, damping: 2.5726, direct: 0.4811305, band: -0.19694945, low: 0.51886946 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.027042583, damping: 34.17725, direct: 0.0013949383, band: 0.028437546, low: 0.9986051 },
+                        Section { rate: 0.12083949, damping: 2.2618408, direct: 0.50517845, band: 0.06611775, low: 0.49482155 },
+                        Section { rate: 0.045848172, damping: 0.7278082, direct: 1.1360338, band: 1.7050962, low: -0.13603376 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.017287645, damping: 2.7700243, direct: 0.001643033, band: 0.10777728, low: 0.99835694 },
-                        Section { rate: 0.19820899, damping: 2.5726, direct: 0.4811305, band: -0.19694945, low: 0.51886946 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.027042583, damping: 34.17725, direct: 0.0013949383, band: 0.028437546, low: 0.9986051 },
+                        Section { rate: 0.12083949, damping: 2.2618408, direct: 0.50517845, band: 0.06611775, low: 0.49482155 },
+                        Section { rate: 0.045848172, damping: 0.7278082, direct: 1.1360338, band: 1.7050962, low: -0.13603376 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.011073396, damping: 2.7198067, direct: 0.0006864161, band: 0.071194336, low: 0.9993136 },
-                        Section { rate: 0.23240666, damping: 2.2574158, direct: 0.67244, band: -0.21531521, low: 0.32755998 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.026208002, damping: 35.660778, direct: 0.0013562713, band: 0.026344324, low: 0.99864376 },
+                        Section { rate: 0.07434059, damping: 1.5292549, direct: 0.1313065, band: 0.33086064, low: 0.86869353 },
+                        Section { rate: 0.05792625, damping: 1.0701618, direct: 3.2354746, band: -1.0523307, low: -2.2354746 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
             ],
-            sections: 2,
+            sections: 3,
             // T_out, N/√kg to N
             output: matrix![
                 18.975414, -0.06341628, 9.409215, 10.626399, -0.035513677, 5.8433247;
@@ -180,7 +180,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0xa3582378;
+pub const CHECKSUM: u32 = 0x3b2de655;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

@@ -15,10 +15,10 @@ use shared::table::{
 pub static TABLE: ValidTable = match (Table {
     version: 6,
     model: ModelDigest([
-        0x1f, 0xb6, 0xcd, 0x27, 0x1b, 0x6b, 0x4e, 0xbf,
-        0xf0, 0xd9, 0xb0, 0x13, 0xe9, 0x22, 0x3f, 0xee,
-        0x57, 0x2f, 0xa0, 0xdf, 0x7d, 0xd8, 0xfd, 0x4a,
-        0x7c, 0x7e, 0x35, 0xce, 0x20, 0x08, 0x9c, 0x4b,
+        0x5f, 0xdb, 0x60, 0x83, 0x79, 0xe2, 0x08, 0x13,
+        0xa9, 0xfe, 0x1c, 0xd4, 0x37, 0x10, 0x85, 0xc0,
+        0x24, 0x1b, 0x13, 0x74, 0xf5, 0x86, 0x99, 0x8b,
+        0xfa, 0x94, 0x8d, 0xcc, 0x80, 0xc5, 0x95, 0xda,
     ]),
     // Hz.
     sample_rate: 20000.0,
@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.004885778,
+    ac_limit: 0.004943124,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,54 +53,54 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.015387116, damping: 9.427749, direct: 0.0014252857, band: 0.0945784, low: 0.99857473 },
-                        Section { rate: 0.114649184, damping: 2.0, direct: 0.30911523, band: 0.49373218, low: 0.69088477 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0015411766, damping: 1.2943907, direct: 0.0020089487, band: 1.0152044, low: 0.997991 },
+                        Section { rate: 0.12643494, damping: 2.5133824, direct: 0.40494266, band: -0.0004248769, low: 0.59505737 },
+                        Section { rate: 0.05732424, damping: 1.1563332, direct: 1.0917304, band: 0.6408624, low: -0.09173033 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.015387116, damping: 9.427749, direct: 0.0014252857, band: 0.0945784, low: 0.99857473 },
-                        Section { rate: 0.114649184, damping: 2.0, direct: 0.30911523, band: 0.49373218, low: 0.69088477 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0015411766, damping: 1.2943907, direct: 0.0020089487, band: 1.0152044, low: 0.997991 },
+                        Section { rate: 0.12643494, damping: 2.5133824, direct: 0.40494266, band: -0.0004248769, low: 0.59505737 },
+                        Section { rate: 0.05732424, damping: 1.1563332, direct: 1.0917304, band: 0.6408624, low: -0.09173033 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.008618311, damping: 8.226746, direct: 0.0007119264, band: 0.085367724, low: 0.9992881 },
-                        Section { rate: 0.154388, damping: 2.0, direct: 0.56053865, band: 0.3763053, low: 0.43946138 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0010911666, damping: 1.8227543, direct: 0.0010701829, band: 0.82448214, low: 0.9989298 },
+                        Section { rate: 0.13366173, damping: 2.5041697, direct: 0.5616559, band: -0.19764626, low: 0.4383441 },
+                        Section { rate: 0.040495355, damping: 1.5219591, direct: 0.77617985, band: 0.8998465, low: 0.22382012 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.011491809, damping: 16.178593, direct: 0.00051909144, band: 0.0482642, low: 0.9994809 },
-                        Section { rate: 0.16226196, damping: 0.9049775, direct: 0.5284018, band: 0.07652245, low: 0.47159818 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0008521776, damping: 1.9008299, direct: 0.0008649702, band: 0.7761188, low: 0.999135 },
+                        Section { rate: 0.12765874, damping: 2.7211654, direct: 0.58886933, band: -0.36258966, low: 0.41113067 },
+                        Section { rate: 0.0414158, damping: 0.84233934, direct: 0.54122585, band: 0.9532382, low: 0.45877415 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.011491809, damping: 16.178593, direct: 0.00051909144, band: 0.0482642, low: 0.9994809 },
-                        Section { rate: 0.16226196, damping: 0.9049775, direct: 0.5284018, band: 0.07652245, low: 0.47159818 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0008521776, damping: 1.9008299, direct: 0.0008649702, band: 0.7761188, low: 0.999135 },
+                        Section { rate: 0.12765874, damping: 2.7211654, direct: 0.58886933, band: -0.36258966, low: 0.41113067 },
+                        Section { rate: 0.0414158, damping: 0.84233934, direct: 0.54122585, band: 0.9532382, low: 0.45877415 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.012702085, damping: 19.73751, direct: 0.00056297967, band: 0.0459121, low: 0.99943703 },
-                        Section { rate: 0.21490052, damping: 1.3716546, direct: 0.4975697, band: 0.17022666, low: 0.50243026 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0008179429, damping: 2.480771, direct: 0.0009540017, band: 0.83492506, low: 0.999046 },
+                        Section { rate: 0.10351749, damping: 2.098117, direct: 0.161914, band: 0.18233435, low: 0.838086 },
+                        Section { rate: 0.059739884, damping: 1.4356462, direct: 2.288523, band: -1.1692071, low: -1.288523 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
             ],
-            sections: 2,
+            sections: 3,
             // T_out, N/√kg to N
             output: matrix![
                 18.975414, -0.06341628, 9.409215, 10.626399, -0.035513677, 5.8433247;
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0xce8c4dec;
+pub const CHECKSUM: u32 = 0x1d4c100b;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

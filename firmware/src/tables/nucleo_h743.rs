@@ -15,10 +15,10 @@ use shared::table::{
 pub static TABLE: ValidTable = match (Table {
     version: 6,
     model: ModelDigest([
-        0xc9, 0x56, 0x39, 0xaa, 0x19, 0x98, 0xd9, 0x1f,
-        0x36, 0xb2, 0x81, 0x04, 0x5d, 0xd1, 0xc8, 0x43,
-        0x86, 0x8e, 0xd1, 0x13, 0xfc, 0xa5, 0x1e, 0xdb,
-        0x73, 0x5f, 0x5e, 0x72, 0x9c, 0x2c, 0xf4, 0x1f,
+        0x18, 0x9c, 0x6f, 0x6d, 0x05, 0xd0, 0x2c, 0x83,
+        0x8e, 0x66, 0xe9, 0x2a, 0x5e, 0x01, 0xfa, 0xde,
+        0x4f, 0x6d, 0xa1, 0x4f, 0x6a, 0xa3, 0xa5, 0x27,
+        0xb8, 0xdd, 0xa0, 0xc7, 0xa4, 0xed, 0x0b, 0x45,
     ]),
     // Hz.
     sample_rate: 20000.0,
@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.004800354,
+    ac_limit: 0.0042166137,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,54 +53,54 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.006597884, damping: 3.2474635, direct: 0.0016240254, band: 0.24746728, low: 0.99837595 },
-                        Section { rate: 0.08730522, damping: 1.4937859, direct: 0.32736793, band: 1.0072356, low: 0.6726321 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0010984497, damping: 0.89264494, direct: 0.0023131224, band: 1.9151635, low: 0.99768686 },
+                        Section { rate: 0.20337984, damping: 2.101259, direct: 0.43039602, band: 0.37334087, low: 0.569604 },
+                        Section { rate: 0.095554315, damping: 1.5017877, direct: 1.4271978, band: -0.21770191, low: -0.42719775 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.006597884, damping: 3.2474635, direct: 0.0016240254, band: 0.24746728, low: 0.99837595 },
-                        Section { rate: 0.08730522, damping: 1.4937859, direct: 0.32736793, band: 1.0072356, low: 0.6726321 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0010984497, damping: 0.89264494, direct: 0.0023131224, band: 1.9151635, low: 0.99768686 },
+                        Section { rate: 0.20337984, damping: 2.101259, direct: 0.43039602, band: 0.37334087, low: 0.569604 },
+                        Section { rate: 0.095554315, damping: 1.5017877, direct: 1.4271978, band: -0.21770191, low: -0.42719775 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.008492678, damping: 5.9720445, direct: 0.0009937224, band: 0.119567424, low: 0.9990063 },
-                        Section { rate: 0.1572478, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0013090151, damping: 1.1303601, direct: 0.0014981478, band: 1.0149267, low: 0.99850184 },
+                        Section { rate: 0.22936061, damping: 2.3176851, direct: 0.7558243, band: -0.15773267, low: 0.24417566 },
+                        Section { rate: 0.06143923, damping: 1.5466859, direct: 0.63088816, band: 0.91361237, low: 0.36911184 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.011055233, damping: 10.087413, direct: 0.00056201173, band: 0.056222703, low: 0.999438 },
-                        Section { rate: 0.1572478, damping: 2.0, direct: 1.0065978, band: 0.062007766, low: -0.0065978104 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0016438983, damping: 1.6404582, direct: 0.0010906338, band: 0.61296785, low: 0.99890935 },
+                        Section { rate: 0.23991795, damping: 2.2422988, direct: 1.233139, band: -0.66373044, low: -0.23313904 },
+                        Section { rate: 0.044982903, damping: 0.70160675, direct: 0.2806668, band: 0.69099677, low: 0.7193332 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.011055233, damping: 10.087413, direct: 0.00056201173, band: 0.056222703, low: 0.999438 },
-                        Section { rate: 0.1572478, damping: 2.0, direct: 1.0065978, band: 0.062007766, low: -0.0065978104 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0016438983, damping: 1.6404582, direct: 0.0010906338, band: 0.61296785, low: 0.99890935 },
+                        Section { rate: 0.23991795, damping: 2.2422988, direct: 1.233139, band: -0.66373044, low: -0.23313904 },
+                        Section { rate: 0.044982903, damping: 0.70160675, direct: 0.2806668, band: 0.69099677, low: 0.7193332 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0085134385, damping: 9.315609, direct: 0.00033922956, band: 0.045199674, low: 0.9996608 },
-                        Section { rate: 0.11682442, damping: 2.0, direct: 0.6353672, band: 1.4424157, low: 0.36463282 },
-                        Section { rate: 0.5, damping: 2.0, direct: 1.0, band: 0.0, low: 0.0 },
+                        Section { rate: 0.0009939676, damping: 1.5910224, direct: 0.0010950819, band: 0.97546226, low: 0.99890494 },
+                        Section { rate: 0.16199766, damping: 1.8414028, direct: 0.20029551, band: 0.38656437, low: 0.7997045 },
+                        Section { rate: 0.08637776, damping: 1.7945187, direct: 2.3013437, band: -1.8603946, low: -1.3013436 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
             ],
-            sections: 2,
+            sections: 3,
             // T_out, N/√kg to N
             output: matrix![
                 18.975414, -0.06341628, 9.409215, 10.626399, -0.035513677, 5.8433247;
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0x970dc040;
+pub const CHECKSUM: u32 = 0xf53b1d70;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

@@ -225,6 +225,11 @@ pub struct RobustnessAnalysis {
     pub(crate) mass: f64,
     pub(crate) cog: f64,
     pub(crate) leg_stiffness: f64,
+    pub(crate) damping: f64,
+    pub(crate) sensor_gain: f64,
+    pub(crate) misalignment: f64,
+    pub(crate) actuator_gain: f64,
+    pub(crate) delay: f64,
     pub(crate) seed: u64,
     #[serde(flatten)]
     pub(crate) result: PerturbedSpread,
@@ -241,6 +246,11 @@ impl RobustnessAnalysis {
             mass: settings.mass,
             cog: settings.cog,
             leg_stiffness: settings.leg_stiffness,
+            damping: settings.damping,
+            sensor_gain: settings.sensor_gain,
+            misalignment: settings.misalignment.to_degrees(),
+            actuator_gain: settings.actuator_gain,
+            delay: settings.delay,
             seed: settings.seed,
             result,
         }

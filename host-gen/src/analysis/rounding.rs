@@ -3,16 +3,18 @@
 
 use core::f64::consts::TAU;
 
-use nalgebra::{Complex, DVector, Matrix6, Vector6};
+use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
 use serde::Serialize;
 use shared::LEGS;
 use shared::step::{Demand, LawState, force};
 use shared::table::{Paths, ValidTable};
 
 use crate::control::LinearLaw;
+use crate::control::law::LawStateSpace;
 use crate::machine::Machine;
 
 /// Rounding error relative to noise at one frequency.
@@ -32,9 +34,54 @@ pub struct Rounding {
 const AT: [f64; 8] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 4000.0];
 
 /// Number of windows that are evaluated.
-const WINDOWS: usize = 12;
+const WINDOWS: usize = 6;
+/// Runs that share them, each with noise of its own.
+const STREAMS: usize = 2;
 /// Length of a window, s.
 const WINDOW: f64 = 2.0;
+
+/// The entries of a law's matrices that are not zero: one in ten.
+struct SparseLaw {
+    /// For each next state and then each force, its entries on the states and then on the inputs.
+    rows: Vec<Vec<(usize, f64)>>,
+    states: usize,
+}
+
+impl SparseLaw {
+    fn new(law: &LawStateSpace) -> Self {
+        let states = law.a.nrows();
+        let row = |of_states: &DMatrix<f64>, of_inputs: &DMatrix<f64>, i: usize| {
+            let (states, inputs) = (of_states.row(i), of_inputs.row(i));
+            let entries = states.iter().chain(inputs.iter()).copied();
+            let entries = entries.enumerate().filter(|(_, x)| *x != 0.0);
+            entries.collect::<Vec<_>>()
+        };
+        let next = (0..states).map(|i| row(&law.a, &law.b, i));
+        let forces = (0..LEGS).map(|i| row(&law.c, &law.d, i));
+        Self {
+            rows: next.chain(forces).collect(),
+            states,
+        }
+    }
+
+    /// The forces for the inputs `y`, N; moves the states one sample on.
+    fn step(&self, states: &mut DVector<f64>, y: &DVector<f64>) -> [f64; LEGS] {
+        let value = |&(at, x): &(usize, f64)| {
+            x * if at < self.states {
+                states[at]
+            } else {
+                y[at - self.states]
+            }
+        };
+        let all: Vec<f64> = self
+            .rows
+            .iter()
+            .map(|row| row.iter().map(value).sum())
+            .collect();
+        states.copy_from_slice(&all[..self.states]);
+        core::array::from_fn(|leg| all[self.states + leg])
+    }
+}
 
 /// Runs both laws on sensor noise and on a slow motion that needs up to half of the
 /// actuators' limit: then the states are large while their rounding error must stay
@@ -49,7 +96,8 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
         return Vec::new();
     };
     let linear = LinearLaw::new(&plain);
-    let exact = linear.state_space();
+    let states = linear.state_space().a.nrows();
+    let exact = SparseLaw::new(&linear.state_space());
     let law = plain.get().law;
     let board = &machine.board;
     let nyquist = (0.5 * board.sample_rate).sqrt();
@@ -76,70 +124,70 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
         .map(|force| force.norm())
         .fold(0.0, f64::max);
     let slow = 0.5 * board.force_limit / largest;
-    let mut random = ChaCha8Rng::seed_from_u64(machine.simulation.seed);
-
-    let mut single = LawState::REST;
-    let states = exact.a.nrows();
-    let [mut whole, mut of_noise] = [(); 2].map(|()| DVector::<f64>::zeros(states));
     let length = (WINDOW * board.sample_rate) as usize;
-    let blank = || vec![[Complex::<f64>::ZERO; LEGS]; AT.len()];
-    let mut powers = [[[0.0_f64; LEGS]; AT.len()]; 2];
-    // The first window is for settling.
-    for window in 0..=WINDOWS {
-        let mut sums = [blank(), blank()];
-        for k in 0..length {
-            let time = (window * length + k) as f64 / board.sample_rate;
-            let slow = slow * (TAU * slow_hz * time).sin();
-            let n = DVector::from_fn(noise.len(), |i, _| {
-                let normal: f64 = StandardNormal.sample(&mut random);
-                normal * noise[i]
-            });
-            // The same numbers to both: what the step reads is single.
-            let read = (&n + slow * &motion).map(|x| x as f32);
-            let y = read.map(f64::from);
-            let kind =
-                |first: usize| core::array::from_fn(|i| read.get(first + i).map_or(0.0, |x| *x));
-            let (w, forces) = (kind(0), kind(LEGS));
-            let (found, _) = force(
-                &law,
-                &[f32::MAX; LEGS],
-                &mut single,
-                &w,
-                &forces,
-                &Demand::LAW,
-            );
-            let expected = &exact.c * &whole + &exact.d * &y;
-            whole = &exact.a * whole + &exact.b * y;
-            let by_noise = &exact.c * &of_noise + &exact.d * &n;
-            of_noise = &exact.a * of_noise + &exact.b * n;
-            if window == 0 {
-                continue;
-            }
-            // Hann's window.
-            let part = (core::f64::consts::PI * k as f64 / length as f64)
-                .sin()
-                .powi(2);
-            for (i, hz) in AT.iter().enumerate() {
-                let turn = Complex::cis(-TAU * hz * k as f64 / board.sample_rate) * part;
-                for leg in 0..LEGS {
-                    sums[0][i][leg] += turn * (f64::from(found[leg]) - expected[leg]);
-                    sums[1][i][leg] += turn * by_noise[leg];
+    let run = |stream: u64| {
+        let mut random = ChaCha8Rng::seed_from_u64(machine.simulation.seed);
+        random.set_stream(stream);
+        let mut single = LawState::REST;
+        let mut whole = DVector::<f64>::zeros(states);
+        let mut powers = [[0.0_f64; LEGS]; AT.len()];
+        // The first window is for settling.
+        for window in 0..=WINDOWS / STREAMS {
+            let mut sums = [[Complex::<f64>::ZERO; LEGS]; AT.len()];
+            for k in 0..length {
+                let time = (window * length + k) as f64 / board.sample_rate;
+                let slow = slow * (TAU * slow_hz * time).sin();
+                let n = DVector::from_fn(noise.len(), |i, _| {
+                    let normal: f64 = StandardNormal.sample(&mut random);
+                    normal * noise[i]
+                });
+                // The same numbers to both: what the step reads is single.
+                let read = (&n + slow * &motion).map(|x| x as f32);
+                let y = read.map(f64::from);
+                let kind = |first: usize| {
+                    core::array::from_fn(|i| read.get(first + i).map_or(0.0, |x| *x))
+                };
+                let (w, forces) = (kind(0), kind(LEGS));
+                let (found, _) = force(
+                    &law,
+                    &[f32::MAX; LEGS],
+                    &mut single,
+                    &w,
+                    &forces,
+                    &Demand::LAW,
+                );
+                let expected = exact.step(&mut whole, &y);
+                if window == 0 {
+                    continue;
+                }
+                // Hann's window.
+                let part = (core::f64::consts::PI * k as f64 / length as f64)
+                    .sin()
+                    .powi(2);
+                for (i, hz) in AT.iter().enumerate() {
+                    let turn = Complex::cis(-TAU * hz * k as f64 / board.sample_rate) * part;
+                    for leg in 0..LEGS {
+                        sums[i][leg] += turn * (f64::from(found[leg]) - expected[leg]);
+                    }
                 }
             }
-        }
-        for (powers, sums) in powers.iter_mut().zip(sums) {
             for (powers, sums) in powers.iter_mut().zip(sums) {
                 for (power, sum) in powers.iter_mut().zip(sums) {
                     *power += sum.norm_sqr();
                 }
             }
         }
-    }
+        powers
+    };
+    let streams: Vec<_> = (0..STREAMS as u64).into_par_iter().map(run).collect();
+    let power = |i: usize, leg: usize| streams.iter().map(|powers| powers[i][leg]).sum::<f64>();
     let code = (board.dac.lsb() * board.actuator_gain).powi(2) / 12.0;
     let by_noise = |hz: f64| {
         let gain = linear.response(Complex::cis(TAU * hz / board.sample_rate));
         gain.map(|z| z.norm_sqr()) * noise.map(|rms| rms * rms)
     };
+    // White noise of power 1 in the same windows: the squares of Hann's window have the mean 3/8.
+    let white = WINDOWS as f64 * length as f64 * 0.375;
     AT.iter()
         .enumerate()
         .filter(|(_, hz)| **hz < 0.5 * board.sample_rate)
@@ -147,7 +195,7 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
             hz,
             codes_over_noise_db: 10.0 * (code / by_noise(hz).min()).log10(),
             over_noise_db: (0..LEGS)
-                .map(|leg| 10.0 * (powers[0][i][leg] / powers[1][i][leg]).log10())
+                .map(|leg| 10.0 * (power(i, leg) / (white * by_noise(hz)[leg])).log10())
                 .fold(f64::MIN, f64::max),
         })
         .collect()

@@ -13,7 +13,7 @@ pub mod sensitivity;
 pub use ideal::{close_ideal, ideal_poles, ideal_response};
 pub use poles::{Pole, stable};
 pub use sampled::SampledLoop;
-pub use sensitivity::{LoopGrid, PeakSensitivity};
+pub use sensitivity::{LoopGrid, PeakSensitivity, RollOffUse};
 
 /// Lowest frequency of the loop's frequency grids over the target frequency: far below AC coupling
 /// and leak.

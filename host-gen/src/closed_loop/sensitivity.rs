@@ -4,6 +4,7 @@ use nalgebra::{Complex, Matrix6};
 use shared::LEGS;
 
 use crate::control::LinearLaw;
+use crate::machine::RollOff;
 use crate::numeric::frequencies::grid;
 use crate::numeric::singular::smallest_is_above;
 use crate::numeric::six::ComplexMatrix6;
@@ -34,6 +35,16 @@ pub struct PeakSensitivity {
     pub at_legs: f64,
     /// Ms with the loop opened at the six sensors; with both kinds of sensors, the larger value.
     pub at_sensors: f64,
+}
+
+/// How much of the limit of a roll-off a loop uses.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct RollOffUse {
+    /// The highest σ_max(T) over its limit at the same frequency (no unit); above 1 the limit is
+    /// exceeded.
+    pub part: f64,
+    /// Frequency of that, Hz.
+    pub at: f64,
 }
 
 /// Factor by which the peak sensitivity at the legs and at the sensors, whose coordinates mix the
@@ -124,6 +135,27 @@ impl LoopGrid {
                 .map(|opening| self.climb(plant, law, opening).0)
                 .fold(0.0, f64::max),
         }
+    }
+
+    /// The highest σ_max(T) with `law` as a part of the `limit`, and its frequency, Hz; with the loop
+    /// opened at the modal forces, T = 1 − (1 + L)⁻¹.
+    pub fn roll_off(&self, law: &LinearLaw, limit: &RollOff) -> RollOffUse {
+        let one = ComplexMatrix6::identity();
+        let used = self.points.iter().filter(|(hz, ..)| *hz >= limit.hz);
+        let used = used.map(|(hz, z, g22)| {
+            let difference = self.return_difference(Opening::Modes, g22, &law.response(*z));
+            let sensitivity = difference.try_inverse();
+            let highest = sensitivity.map(|s| (one - s).singular_values().max());
+            RollOffUse {
+                part: highest.unwrap_or(f64::INFINITY) / limit.limit(*hz),
+                at: *hz,
+            }
+        });
+        let none = RollOffUse {
+            part: 0.0,
+            at: limit.hz,
+        };
+        used.fold(none, |a, b| if b.part > a.part { b } else { a })
     }
 
     /// The peak sensitivity with the loop opened at `opening`, and its frequency, Hz, by ternary

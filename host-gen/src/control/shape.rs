@@ -1,5 +1,4 @@
-//! The shaping of one channel: poles and zeros in Hz, and the second-order sections made from
-//! them.
+//! The shaping of one mode of the modal law: second-order filters whose gain at low frequency is 1.
 
 use core::f64::consts::TAU;
 
@@ -7,26 +6,29 @@ use nalgebra::Complex;
 use serde::{Deserialize, Serialize};
 use shared::table::{SECTIONS, Section};
 
-use crate::machine::{ResonanceEntry, ShapeEntry};
+use crate::machine::{FilterEntry, ResonanceEntry, ShapeEntry};
 
-/// The shaping of one mode's channel, with gain 1 at low frequency.
+/// The shaping of one mode.
 ///
-/// The first section has two lags and a zero. The second has a pair of zeros and a pair of poles:
-/// a notch or a resonance. With both kinds of sensors, the shape also has the frequency at which
-/// the force sensors take over from the accelerometers.
+/// In front of its proportional and integral gain, each mode has filters with gain 1 at low
+/// frequency. So the ideal gains stay unchanged at low frequency, and the loop gain rolls off
+/// before the delay makes the loop unstable.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shape {
-    /// Corner frequencies of the two lags, Hz.
-    pub lags_hz: [f64; 2],
-    /// Corner frequency of the zero, Hz.
-    pub zero_hz: f64,
-    /// The pair of zeros of the second section.
-    pub notch: Resonance,
-    /// The pair of poles of the second section.
-    pub notch_poles: Resonance,
+    /// The filters, in series.
+    pub sections: [Filter; Self::SECTIONS],
     /// Crossover frequency, Hz: the accelerometers act below it and the force sensors above it.
     /// `None` with one kind of sensors.
     pub split_hz: Option<f64>,
+}
+
+/// A filter of second order, with gain 1 at zero frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Filter {
+    /// The two zeros.
+    pub zeros: Resonance,
+    /// The two poles.
+    pub poles: Resonance,
 }
 
 /// A pair of poles or zeros.
@@ -38,73 +40,97 @@ pub struct Resonance {
     pub damping: f64,
 }
 
+impl Resonance {
+    /// Two real poles or zeros with the corner frequencies `corners`, Hz.
+    pub fn real(corners: [f64; 2]) -> Self {
+        let [a, b] = corners;
+        let hz = (a * b).sqrt();
+        Self {
+            hz,
+            damping: 0.5 * (a + b) / hz,
+        }
+    }
+}
+
+impl Filter {
+    /// A filter that passes its input unchanged.
+    pub const PASS: Self = Self {
+        zeros: Resonance {
+            hz: 100.0,
+            damping: 1.0,
+        },
+        poles: Resonance {
+            hz: 100.0,
+            damping: 1.0,
+        },
+    };
+}
+
 impl From<&ShapeEntry> for Shape {
     fn from(entry: &ShapeEntry) -> Self {
         let resonance = |entry: &ResonanceEntry| Resonance {
             hz: entry.hz,
             damping: entry.damping,
         };
+        let mut sections = [Filter::PASS; Self::SECTIONS];
+        for (section, FilterEntry { zeros, poles }) in sections.iter_mut().zip(&entry.sections) {
+            *section = Filter {
+                zeros: resonance(zeros),
+                poles: resonance(poles),
+            };
+        }
         Self {
-            lags_hz: entry.lags_hz,
-            zero_hz: entry.zero_hz,
-            notch: resonance(&entry.notch),
-            notch_poles: resonance(&entry.notch_poles),
+            sections,
             split_hz: entry.split_hz,
         }
     }
 }
 
 impl Shape {
-    /// Number of sections of a shape.
-    pub const SECTIONS: usize = 2;
+    /// Number of filters of a shape.
+    pub const SECTIONS: usize = 3;
 
     /// The sections of this shape for the sample period `period`, s. Unused sections pass their
     /// input unchanged.
     ///
-    /// Poles and zeros are mapped by z = e^(sT). The zero at infinity of the first section is
-    /// mapped to z = 0, so that the section has no delay.
+    /// Poles and zeros are mapped by z = e^(sT).
     pub fn sections(&self, period: f64) -> [Section; SECTIONS] {
-        let lags = Pair::real(self.lags_hz.map(|hz| fall(hz, period)));
-        let zeros = Pair::real([fall(self.zero_hz, period), 1.0]);
         let mut sections = [Section::PASS; SECTIONS];
-        sections[0] = section(zeros, lags);
-        sections[1] = section(
-            Pair::of(self.notch, period),
-            Pair::of(self.notch_poles, period),
-        );
+        for (section, filter) in sections.iter_mut().zip(&self.sections) {
+            *section = discrete(
+                Pair::new(filter.zeros, period),
+                Pair::new(filter.poles, period),
+            );
+        }
         sections
     }
 }
 
-/// 1 − e^(−2π·hz·T), the distance of a real root from z = 1, for a corner frequency in Hz and the
-/// period T in s.
-fn fall(hz: f64, period: f64) -> f64 {
-    -(-TAU * hz * period).exp_m1()
-}
-
 /// Two roots as the polynomial δ² + sum·δ + product in δ = z − 1.
 #[derive(Clone, Copy)]
-struct Pair {
-    sum: f64,
-    product: f64,
+pub(crate) struct Pair {
+    pub(crate) sum: f64,
+    pub(crate) product: f64,
 }
 
 impl Pair {
-    /// Two real roots at δ = −a and δ = −b.
-    fn real([a, b]: [f64; 2]) -> Self {
-        Self {
-            sum: a + b,
-            product: a * b,
-        }
-    }
-
-    fn of(resonance: Resonance, period: f64) -> Self {
+    /// The pair mapped by z = e^(sT) with the sample period T = `period`, s.
+    pub(crate) fn new(resonance: Resonance, period: f64) -> Self {
         let omega = TAU * resonance.hz * period;
         let zeta = resonance.damping;
-        let root = Complex::from(zeta * zeta - 1.0).sqrt();
+        if zeta >= 1.0 {
+            // The slow root is −1/(ζ + √(ζ² − 1)), without cancellation.
+            let fast = zeta + (zeta * zeta - 1.0).sqrt();
+            let [a, b] = [fast, 1.0 / fast].map(|root| -(-omega * root).exp_m1());
+            return Self {
+                sum: a + b,
+                product: a * b,
+            };
+        }
         // 1 − e^x = −2·e^(x/2)·sinh(x/2), without cancellation.
-        let [a, b] = [root, -root].map(|root| {
-            let half = 0.5 * omega * (root - zeta);
+        let root = Complex::new(-zeta, (1.0 - zeta * zeta).sqrt());
+        let [a, b] = [root, root.conj()].map(|root| {
+            let half = 0.5 * omega * root;
             -2.0 * half.exp() * half.sinh()
         });
         Self {
@@ -115,7 +141,7 @@ impl Pair {
 }
 
 /// The section with these zeros and poles and the gain 1 at zero frequency.
-fn section(zeros: Pair, poles: Pair) -> Section {
+fn discrete(zeros: Pair, poles: Pair) -> Section {
     let gain = poles.product / zeros.product;
     let rate = poles.product.sqrt();
     Section {
@@ -136,16 +162,23 @@ mod tests {
     #[test]
     fn sections_are_the_continuous_ones_at_low_frequency() {
         let shape = Shape {
-            lags_hz: [0.9, 250.0],
-            zero_hz: 30.0,
-            notch: Resonance {
-                hz: 90.0,
-                damping: 0.1,
-            },
-            notch_poles: Resonance {
-                hz: 110.0,
-                damping: 1.4,
-            },
+            sections: [
+                Filter {
+                    zeros: Resonance::real([30.0, 4000.0]),
+                    poles: Resonance::real([0.9, 250.0]),
+                },
+                Filter {
+                    zeros: Resonance {
+                        hz: 90.0,
+                        damping: 0.1,
+                    },
+                    poles: Resonance {
+                        hz: 110.0,
+                        damping: 1.4,
+                    },
+                },
+                Filter::PASS,
+            ],
             split_hz: None,
         };
         let period = 1e-6;
@@ -157,11 +190,12 @@ mod tests {
                 let x = s / (TAU * r.hz);
                 1.0 + 2.0 * r.damping * x + x * x
             };
-            let expected = first(30.0) / first(0.9) / first(250.0) * second(shape.notch)
-                / second(shape.notch_poles);
+            let Filter { zeros, poles } = shape.sections[1];
+            let expected = first(30.0) * first(4000.0) / first(0.9) / first(250.0) * second(zeros)
+                / second(poles);
             let z = Complex::cis(TAU * hz * period);
-            let found = section_response(&sections[0], z) * section_response(&sections[1], z);
-            // Half a sample of phase from the zero at z = 0, and single precision.
+            let found: Complex<f64> = sections.iter().map(|s| section_response(s, z)).product();
+            // The mapping of the roots, and single precision.
             let error = (found / expected - 1.0).norm();
             assert!(error < TAU * hz * period + 1e-4, "{hz} Hz: {error:e}");
         }

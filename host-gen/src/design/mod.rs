@@ -3,13 +3,12 @@
 use rayon::prelude::*;
 
 pub mod cache;
-mod objective;
 pub mod outcome;
-mod pattern_search;
 mod perturbed;
 pub mod reach;
 mod roll_off;
 pub mod study;
+mod synthesis;
 mod trial;
 
 pub use cache::Cache;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use shared::LEGS;
 use shared::table::{TableError, ValidTable};
 
-use crate::closed_loop::PeakSensitivity;
+use crate::closed_loop::{PeakSensitivity, RollOffUse};
 use crate::control::Shape;
 use crate::machine::MachineError;
 use crate::numeric::NumericError;
@@ -39,6 +39,8 @@ pub struct Design {
     pub leak_hz: f64,
     /// Peak sensitivity of the sampled loop.
     pub peak_sensitivity: PeakSensitivity,
+    /// How much of the limit at high frequency the loop uses, if there is one.
+    pub roll_off: Option<RollOffUse>,
     /// The same controller on randomly perturbed machines; with the modal law only.
     pub drawn: Option<PerturbedSet>,
     /// Frequency above which the machine as a whole is isolated from the floor

@@ -7,19 +7,18 @@ use nalgebra::Complex;
 use shared::LEGS;
 use shared::supervisor::GENTLE;
 
-use super::objective::Objective;
 use super::outcome::{Advice, Band, Below, Design, DesignError, Refusal, Shaping};
-use super::pattern_search::{PatternSearch, ROUGH_TRIALS, TRIALS};
 use super::perturbed::perturbed;
 use super::roll_off::highest_corner;
 use super::study::{Growth, Study};
+use super::synthesis::Synthesis;
 use super::trial::{Miss, SCAN, Trial, nearest_decimal};
 use crate::closed_loop::bands::{amplification, ideal_db, open_db, sampled_db};
 use crate::closed_loop::ideal::IdealLoop;
 use crate::closed_loop::isolation::{corner, isolation_band};
-use crate::closed_loop::{LoopGrid, PeakSensitivity, SLOWEST, SampledLoop};
+use crate::closed_loop::{LoopGrid, PeakSensitivity, RollOffUse, SLOWEST, SampledLoop};
 use crate::control::table;
-use crate::machine::{FeedbackKind, LawName, Target};
+use crate::machine::{FeedbackKind, LawName, RollOff, Target};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::pole_peaks;
 use crate::progress::Progress;
@@ -28,8 +27,21 @@ use crate::progress::Progress;
 /// target counts as missed: half an octave.
 pub const CORNER_SLACK: f64 = SQRT_2;
 
+/// The same for the first search; the other one follows if that finds nothing.
+const STRICT: f64 = 1.05;
+
+/// Most searches with a lower and lower sensitivity, and the least factor from one to the next.
+const ROUNDS: usize = 4;
+const ROUND: f64 = 0.9;
+
 /// Where a scan below the suspension modes ends, as a part of the lowest.
 const LOWEST: f64 = 0.05;
+
+/// Ratio of successive frequencies of a scan for one that is reached.
+const STRIDE: f64 = 1.6;
+
+/// Most frequencies that are designed before one is advised.
+const ADVISED: usize = 8;
 
 /// Both kinds of sensors are worth naming if they reach this part of what one kind does.
 const CLEARLY: f64 = 0.9;
@@ -43,15 +55,6 @@ pub enum Effort {
     Rough,
 }
 
-impl Effort {
-    fn trials(self) -> usize {
-        match self {
-            Self::Full => TRIALS,
-            Self::Rough => ROUGH_TRIALS,
-        }
-    }
-}
-
 /// The best loop for a target.
 struct Found {
     target: Target,
@@ -59,6 +62,7 @@ struct Found {
     trial: Trial,
     isolation_from_hz: f64,
     peak_sensitivity: PeakSensitivity,
+    roll_off: Option<RollOffUse>,
 }
 
 /// Searches for the best shaping of a study's loop; or verifies a `given` one as if the search had
@@ -197,9 +201,14 @@ impl<'a> Reach<'a> {
                 "the best loop found with {delay:.0} µs of delay isolates only from {sampled:.2} Hz, the ideal loop from {ideal:.2} Hz{zero}"
             ),
             (_, None) => format!(
-                "with {delay:.0} µs of delay, no shaping was found that gives a stable sampled loop with a peak sensitivity of at most {} and isolation from {:.2} Hz{zero}",
+                "with {delay:.0} µs of delay, no shaping was found that gives a stable sampled loop with a peak sensitivity of at most {} and isolation from {:.2} Hz{}{zero}",
                 target.max_sensitivity,
-                CORNER_SLACK * target.isolation_hz()
+                CORNER_SLACK * target.isolation_hz(),
+                match target.roll_off {
+                    Some(RollOff { hz, .. }) =>
+                        format!(", within control.roll_off from {hz} Hz on"),
+                    None => String::new(),
+                }
             ),
         };
         // With both kinds, what one cannot stabilise the other may.
@@ -242,38 +251,47 @@ impl<'a> Reach<'a> {
         };
         let mut hz = asked;
         while hz < most {
-            if both.reaches(hz)? {
+            if both.reaches(hz)? && both.holds(hz)? {
                 return Ok(Some(hz));
             }
-            hz = round_up(SCAN * hz);
+            hz = round_up(STRIDE * hz);
         }
         Ok(None)
     }
 
-    /// The search for shapes of the modes, with a sensitivity below `bound`.
-    fn pattern_search(&self, target: Target, ideal: &IdealLoop, bound: f64) -> PatternSearch<'_> {
-        let machine = self.study.machine();
-        let model = self.study.design_model();
+    /// The references of the bands: the levels of the ideal loop, dB.
+    fn references(&self, ideal: &IdealLoop) -> Vec<f64> {
         let plant = &self.study.plant().plant;
-        let reference = machine.bands.iter().map(|(_, low, high)| {
+        let bands = self.study.machine().bands.iter();
+        let reference = bands.map(|(_, low, high)| {
             let ideal = ideal_db(plant, ideal, *low, *high);
             ideal.unwrap_or_else(|| open_db(plant, *low, *high))
         });
-        let reference: Vec<f64> = reference.collect();
-        let bounded = Target {
-            max_sensitivity: bound,
-            ..target
-        };
-        let objective = Objective::new(
-            machine,
-            model,
-            self.study.plant(),
-            bounded,
-            &reference,
-            CORNER_SLACK * target.isolation_hz(),
-            &self.sharp,
-        );
-        PatternSearch::new(machine, model, bounded, objective)
+        reference.collect()
+    }
+
+    /// The synthesis of shapes of the modes, with a sensitivity below `bound` and isolation from
+    /// `slack` times the requested corner on; if `perturbed`, also on perturbed machines.
+    fn synthesis<'b>(
+        &'b self,
+        target: Target,
+        reference_db: &'b [f64],
+        bound: f64,
+        slack: f64,
+        perturbed: bool,
+    ) -> Synthesis<'b> {
+        Synthesis {
+            study: self.study,
+            target: Target {
+                max_sensitivity: bound,
+                ..target
+            },
+            reference_db,
+            isolation: slack * target.isolation_hz(),
+            sharp: &self.sharp,
+            perturbed,
+            progress: self.progress,
+        }
     }
 
     /// The best shapes for `target`, if there are any.
@@ -284,40 +302,54 @@ impl<'a> Reach<'a> {
         loops: &LoopGrid,
     ) -> Result<(Trial, PeakSensitivity), Miss> {
         let asked = target.max_sensitivity;
+        let references = self.references(ideal);
+        let full = self.effort == Effort::Full;
+        // None if there are no shapes, and no trial if they miss a limit.
+        let attempt = |bound: f64, perturbed_too: bool| -> Result<_, Miss> {
+            // As near to the requested corner as the ideal loop, if that can be had.
+            let shapes = [STRICT, CORNER_SLACK].into_iter().find_map(|slack| {
+                self.synthesis(target, &references, bound, slack, perturbed_too)
+                    .run()
+            });
+            let Some(shapes) = shapes.map(Box::new) else {
+                return Ok(None);
+            };
+            let shaping = Shaping::Modes { shapes };
+            let (mut trial, peak) = Trial::new(self.study, &target, &shaping, loops)?;
+            if let (Some(trial), true) = (&mut trial, full) {
+                trial.drawn = Some(perturbed(self.study, &target, &trial.table)?);
+            }
+            Ok(Some((trial, peak)))
+        };
         let mut bound = asked;
         let mut found = None;
+        let mut missed = false;
         // The grid may miss the very top of a peak, and a perturbed machine may
         // have a higher one: a little more room then.
-        for _ in 0..3 {
-            let search = self.pattern_search(target, ideal, bound);
-            let Some(shapes) = search.run(self.effort.trials(), self.progress) else {
+        for _ in 0..ROUNDS {
+            let Some((trial, peak)) = attempt(bound, full)? else {
                 break;
             };
-            let (trial, peak) = Trial::new(
-                self.study,
-                &target,
-                &Shaping::Modes {
-                    shapes: Box::new(shapes),
-                },
-                loops,
-            )?;
             let mut highest = peak.bounded();
-            if let Some(mut trial) = trial {
-                if self.effort == Effort::Full {
-                    trial.drawn = Some(perturbed(self.study, &target, &trial.table)?);
-                }
-                let holds = trial
-                    .drawn
-                    .is_none_or(|d| d.stable == d.samples && d.peak_sensitivity <= asked);
-                highest = highest.max(trial.drawn.map_or(0.0, |d| d.peak_sensitivity));
-                if holds {
+            if let Some(trial) = trial {
+                let drawn = trial.drawn;
+                highest = highest.max(drawn.map_or(0.0, |d| d.peak_sensitivity));
+                if drawn.is_none_or(|d| d.stable == d.samples && d.peak_sensitivity <= asked) {
                     return Ok((trial, peak));
                 }
                 // What holds here and not on every perturbed machine is reported as
                 // such if nothing better is found.
                 found = Some((trial, peak));
+            } else {
+                missed = true;
             }
-            bound *= 0.99 * (asked / highest).clamp(0.8, 1.0);
+            bound *= (0.99 * asked / highest).clamp(ROUND, 0.99);
+        }
+        if full && missed && found.is_none() {
+            // As if there were no others.
+            if let Some((Some(trial), peak)) = attempt(asked, false)? {
+                found = Some((trial, peak));
+            }
         }
         found.ok_or(Miss::Unstable)
     }
@@ -358,6 +390,9 @@ impl<'a> Reach<'a> {
             trial,
             isolation_from_hz,
             peak_sensitivity,
+            roll_off: target
+                .roll_off
+                .map(|limit| loops.roll_off(&sampled.law, &limit)),
         })
     }
 
@@ -374,7 +409,9 @@ impl<'a> Reach<'a> {
                 .ideal(&target)
                 .map(|ideal| {
                     let bound = target.max_sensitivity;
-                    self.pattern_search(target, &ideal, bound).is_feasible()
+                    let references = self.references(&ideal);
+                    self.synthesis(target, &references, bound, CORNER_SLACK, false)
+                        .is_feasible()
                 })
                 .map_err(Miss::from),
         };
@@ -397,9 +434,9 @@ impl<'a> Reach<'a> {
         let mut reached = missed;
         loop {
             if downward {
-                reached /= SCAN;
+                reached /= STRIDE;
             } else {
-                reached *= SCAN;
+                reached *= STRIDE;
             }
             if reached > modes[LEGS - 1] || downward && reached < LOWEST * modes[0] {
                 return Ok(Advice::NoFrequency);
@@ -417,16 +454,35 @@ impl<'a> Reach<'a> {
                 missed = middle;
             }
         }
-        let rounded = if downward {
-            round_down(reached)
-        } else {
-            round_up(reached)
+        let rounded = |hz: f64| {
+            if downward {
+                round_down(hz)
+            } else {
+                round_up(hz)
+            }
         };
-        Ok(Advice::Nearest(if self.reaches(rounded)? {
-            rounded
-        } else {
-            reached
-        }))
+        // A coarse search said so. What is advised is designed, and verified like any design.
+        let mut hz = rounded(reached);
+        for _ in 0..ADVISED {
+            if self.holds(hz)? {
+                return Ok(Advice::Nearest(hz));
+            }
+            hz = rounded(if downward { hz / SCAN } else { hz * SCAN });
+        }
+        Ok(Advice::NoFrequency)
+    }
+
+    /// Whether a target at `frequency`, Hz, is reached by a design that is verified.
+    fn holds(&self, frequency: f64) -> Result<bool, DesignError> {
+        let target = Target {
+            frequency,
+            ..self.study.machine().target
+        };
+        match self.reach(target, None) {
+            Ok(_) => Ok(true),
+            Err(Miss::Error(error)) => Err(error),
+            Err(_) => Ok(false),
+        }
     }
 
     fn describe(&self, found: Found) -> Design {
@@ -460,6 +516,7 @@ impl<'a> Reach<'a> {
             ac_coupling_hz: table::AC_COUPLING * found.target.frequency,
             leak_hz: table::LEAK * found.target.frequency,
             peak_sensitivity: found.peak_sensitivity,
+            roll_off: found.roll_off,
             drawn,
             isolation_from_ideal_hz: found.ideal.isolation_from_hz,
             isolation_from_hz: found.isolation_from_hz,

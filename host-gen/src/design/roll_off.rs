@@ -7,7 +7,7 @@
 
 use super::outcome::Shaping;
 use super::study::Study;
-use super::trial::{Miss, SCAN, Trial, nearest_decimal};
+use super::trial::{Miss, SCAN, Trial, nearest_decimal, rolls_off};
 use crate::closed_loop::{LoopGrid, PeakSensitivity, SampledLoop, stable};
 use crate::control::{Gains, LinearLaw, table};
 use crate::machine::Target;
@@ -28,7 +28,8 @@ fn try_corner(
     let table = table::direct(study.machine(), study.plant(), target, gains, hz)?;
     let closed_loop = SampledLoop::new(study.plant(), &table);
     // The bound first: it takes much less time.
-    if !loops.within(&closed_loop.law, target.max_sensitivity) {
+    let law = &closed_loop.law;
+    if !loops.within(law, target.max_sensitivity) || !rolls_off(target, loops, law) {
         return Ok(None);
     }
     let poles = closed_loop.poles()?;

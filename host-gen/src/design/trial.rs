@@ -6,7 +6,7 @@ use shared::table::{TableError, ValidTable};
 use super::outcome::{DesignError, PerturbedSet, Shaping};
 use super::study::Study;
 use crate::closed_loop::{LoopGrid, PeakSensitivity, SampledLoop, stable};
-use crate::control::{Gains, table};
+use crate::control::{Gains, LinearLaw, table};
 use crate::machine::Target;
 use crate::numeric::NumericError;
 
@@ -39,7 +39,9 @@ impl Trial {
         let closed_loop = SampledLoop::new(plant, &table);
         let poles = closed_loop.poles()?;
         let peak = loops.peak(plant, &closed_loop.law);
-        let holds = stable(&poles) && peak.bounded() <= target.max_sensitivity;
+        let holds = stable(&poles)
+            && peak.bounded() <= target.max_sensitivity
+            && rolls_off(target, loops, &closed_loop.law);
         let trial = holds.then(|| Self {
             shaping: shaping.clone(),
             drawn: None,
@@ -48,6 +50,12 @@ impl Trial {
         });
         Ok((trial, peak))
     }
+}
+
+/// Whether a loop keeps the target's limit at high frequency, if there is one.
+pub(super) fn rolls_off(target: &Target, loops: &LoopGrid, law: &LinearLaw) -> bool {
+    let kept = |limit| loops.roll_off(law, &limit).part <= 1.0;
+    target.roll_off.is_none_or(kept)
 }
 
 /// Why a target is not reached.

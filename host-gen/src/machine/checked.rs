@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::LEGS;
@@ -66,8 +66,19 @@ pub struct Machine {
     /// controller. Of `simulation` that is `floor_band` with `minimise = "rms"`, as is
     /// `floor.rotation`; of `robustness` what the modal law is verified on; `provenance` is left out.
     pub digest: ModelDigest,
+    /// Errors of gains that the controller does not know: zero for the machine of a file.
+    pub(crate) gain_errors: GainErrors,
     pub(super) description: MachineFile,
     pub(super) source: Source,
+}
+
+/// Relative errors of the gains of sensors and actuators (no unit).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct GainErrors {
+    /// Of the accelerometers, and of the force sensors.
+    pub(crate) sensors: [[f64; LEGS]; 2],
+    /// Of the actuators.
+    pub(crate) actuators: [f64; LEGS],
 }
 
 /// A design of the modal law is verified on at most so many randomly perturbed machines.
@@ -281,6 +292,16 @@ pub struct Robustness {
     pub cog: f64,
     /// Largest relative change of each leg's stiffness (no unit).
     pub leg_stiffness: f64,
+    /// Largest relative change of all damping (no unit).
+    pub damping: f64,
+    /// Largest relative error of each sensor's gain (no unit).
+    pub sensor_gain: f64,
+    /// Largest error of each accelerometer's direction, rad.
+    pub misalignment: f64,
+    /// Largest relative error of each actuator's gain (no unit).
+    pub actuator_gain: f64,
+    /// Largest change of the delay from the sample to the latched outputs, s.
+    pub delay: f64,
     /// Number of machines to draw.
     pub samples: usize,
     /// Seed of the random numbers.
@@ -360,6 +381,7 @@ impl Machine {
             board,
             simulation,
             robustness,
+            gain_errors,
             name: _,
             supervision: _,
             shapes: _,
@@ -374,13 +396,14 @@ impl Machine {
         };
         // Debug prints numbers in the shortest form that reads back to the same bits.
         format!(
-            "{nodes:?} {bodies:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {shaken:?}"
+            "{nodes:?} {bodies:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {gain_errors:?} {shaken:?}"
         )
     }
 
-    /// Randomly perturbed machine number `index`: mass, inertia and centre of gravity of the
-    /// payload and the stiffness of every leg vary as [`Robustness`] says. Each index has its
-    /// own random stream, so the order does not matter.
+    /// Randomly perturbed machine number `index`, as [`Robustness`] says: mass, inertia and centre
+    /// of gravity of the payload, stiffness of every leg, damping, gains and directions of
+    /// sensors, gains of actuators, and delay. Each index has its own random stream, so the order
+    /// does not matter.
     pub fn drawn(&self, index: usize) -> Self {
         self.drawn_with(&self.robustness, index)
     }
@@ -408,6 +431,31 @@ impl Machine {
             stiffness.torsion *= factor;
             stiffness.bending = stiffness.bending.map(|x| x * factor);
         }
+        let more = 1.0 + settings.damping * uniform();
+        machine.damping.modal *= more;
+        machine.damping.rayleigh = machine.damping.rayleigh.map(|x| x * more);
+        for beam in &mut machine.beams {
+            beam.damper *= more;
+        }
+        for sensor in machine.accelerometers.iter_mut().flatten() {
+            // About an axis across it, evenly drawn around.
+            let turn = Vector3::from_fn(|_, _| uniform()).cross(&sensor.direction);
+            let length = turn.norm();
+            let angle = settings.misalignment * uniform();
+            if length > 0.0 {
+                let axis = Unit::new_unchecked(turn / length);
+                sensor.direction = Rotation3::from_axis_angle(&axis, angle) * sensor.direction;
+            }
+        }
+        let gains = &mut machine.gain_errors;
+        for gain in gains.sensors.iter_mut().flatten() {
+            *gain = settings.sensor_gain * uniform();
+        }
+        for gain in &mut gains.actuators {
+            *gain = settings.actuator_gain * uniform();
+        }
+        let latch = &mut machine.board.latch_delay;
+        *latch = (*latch + settings.delay * uniform()).max(0.0);
         machine
     }
 

@@ -422,18 +422,22 @@ pub struct ControlEntry {
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShapeEntry {
-    /// Corner frequencies of the two first-order lags, Hz. Above 0.
-    pub lags_hz: [f64; 2],
-    /// Corner frequency of the zero, Hz. Above 0.
-    pub zero_hz: f64,
-    /// Zeros of the second section.
-    pub notch: ResonanceEntry,
-    /// Poles of the second section.
-    pub notch_poles: ResonanceEntry,
+    /// Filters of second order in series, one to three.
+    pub sections: Vec<FilterEntry>,
     /// Crossover frequency between the two kinds of sensors, Hz. Accelerometers act below it,
     /// force sensors above it. Above 0; required if `feedback` is `"both"`, and not allowed otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split_hz: Option<f64>,
+}
+
+/// A filter of second order with gain 1 at low frequency.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FilterEntry {
+    /// The two zeros.
+    pub zeros: ResonanceEntry,
+    /// The two poles.
+    pub poles: ResonanceEntry,
 }
 
 /// A pair of poles or zeros of a shaping filter.
@@ -759,6 +763,16 @@ pub struct RobustnessEntry {
     pub cog: f64,
     /// Largest relative change of each leg's stiffness (no unit), at least 0 and below 1.
     pub leg_stiffness: f64,
+    /// Largest relative change of all damping (no unit), at least 0 and below 1.
+    pub damping: f64,
+    /// Largest relative error of each sensor's gain (no unit), at least 0 and below 1.
+    pub sensor_gain: f64,
+    /// Largest error of each accelerometer's direction, °. From 0 to 45.
+    pub misalignment: f64,
+    /// Largest relative error of each actuator's gain (no unit), at least 0 and below 1.
+    pub actuator_gain: f64,
+    /// Largest change of the delay from the sample to the latched outputs, s. Not negative.
+    pub delay: f64,
     /// Number of machines to draw, at least 1.
     pub samples: usize,
     /// Seed of the random numbers.
@@ -772,6 +786,11 @@ impl Default for RobustnessEntry {
             mass: 0.2,
             cog: 0.02,
             leg_stiffness: 0.1,
+            damping: 0.3,
+            sensor_gain: 0.03,
+            misalignment: 1.0,
+            actuator_gain: 0.03,
+            delay: 1e-6,
             samples: 200,
             seed: 1,
         }

@@ -36,8 +36,8 @@ pub use checked::{
 pub(crate) use error::EntryError;
 pub use error::MachineError;
 pub use file::{
-    Certainty, FeedbackKind, LawName, MachineFile, Minimise, Provenance, ResonanceEntry, RollOff,
-    ShapeEntry, Simulation, SupervisionSettings, UnknownFeedback,
+    Certainty, FeedbackKind, FilterEntry, LawName, MachineFile, Minimise, Provenance,
+    ResonanceEntry, RollOff, ShapeEntry, Simulation, SupervisionSettings, UnknownFeedback,
 };
 use source::Source;
 

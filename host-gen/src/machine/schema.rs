@@ -113,7 +113,7 @@ mod tests {
     /// messages depend on it.
     #[test]
     fn every_number_states_its_unit() {
-        const UNITS: [&str; 19] = [
+        const UNITS: [&str; 20] = [
             "m",
             "m²",
             "m⁴",
@@ -133,6 +133,7 @@ mod tests {
             "m/s²/√Hz or N/√Hz",
             "rad/m",
             "1/s and s",
+            "°",
         ];
         let mut schema = file_schema("/$defs");
         let mut numbers = 0;

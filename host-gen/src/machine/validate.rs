@@ -7,11 +7,11 @@ use nalgebra::{Matrix3, RowVector3, Vector3};
 use sha2::{Digest, Sha256};
 use shared::LEGS;
 use shared::codes::{Adc, Dac};
-use shared::table::ModelDigest;
+use shared::table::{ModelDigest, SECTIONS};
 
 use super::checked::{
-    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, Machine, Node,
-    Performance, Robustness, Sensor, Stiffness, Target,
+    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, GainErrors,
+    Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
@@ -217,6 +217,7 @@ fn check(file: MachineFile) -> Checked<Machine> {
         supervision: file.supervision,
         simulation: file.simulation,
         robustness,
+        gain_errors: GainErrors::default(),
         provenance: file.provenance.clone(),
         digest: digest(&file),
         description: file,
@@ -670,13 +671,19 @@ fn shapes(control: &ControlEntry, sample_rate: f64) -> Checked<Option<[ShapeEntr
     };
     for (i, shape) in six.iter().enumerate() {
         let key = |key: &str| format!("{place}[{i}].{key}");
-        for (j, hz) in shape.lags_hz.into_iter().enumerate() {
-            corner(&key(&format!("lags_hz[{j}]")), hz)?;
+        let count = shape.sections.len();
+        if count == 0 || count > SECTIONS {
+            return Err(EntryError::new(
+                key("sections"),
+                format!("there must be 1 to {SECTIONS} sections, not {count}"),
+            ));
         }
-        corner(&key("zero_hz"), shape.zero_hz)?;
-        for (name, pair) in [("notch", &shape.notch), ("notch_poles", &shape.notch_poles)] {
-            corner(&key(&format!("{name}.hz")), pair.hz)?;
-            positive(&key(&format!("{name}.damping")), pair.damping, "")?;
+        for (j, filter) in shape.sections.iter().enumerate() {
+            for (name, pair) in [("zeros", &filter.zeros), ("poles", &filter.poles)] {
+                let key = |part: &str| key(&format!("sections[{j}].{name}.{part}"));
+                corner(&key("hz"), pair.hz)?;
+                positive(&key("damping"), pair.damping, "")?;
+            }
         }
         match (shape.split_hz, control.feedback) {
             (Some(hz), FeedbackKind::Both) => {
@@ -894,6 +901,11 @@ fn robustness(
         mass: fraction("robustness.mass", spec.mass)?,
         cog: not_negative("robustness.cog", spec.cog, "m")?,
         leg_stiffness: fraction("robustness.leg_stiffness", spec.leg_stiffness)?,
+        damping: fraction("robustness.damping", spec.damping)?,
+        sensor_gain: fraction("robustness.sensor_gain", spec.sensor_gain)?,
+        misalignment: not_negative("robustness.misalignment", spec.misalignment, "°")?.to_radians(),
+        actuator_gain: fraction("robustness.actuator_gain", spec.actuator_gain)?,
+        delay: not_negative("robustness.delay", spec.delay, "s")?,
         samples: spec.samples,
         seed: spec.seed,
     })

@@ -3,6 +3,7 @@
 pub mod eigen;
 pub mod frequencies;
 pub mod pencil;
+pub(crate) mod products;
 pub mod quadrature;
 pub mod rows;
 pub mod singular;

@@ -61,13 +61,18 @@ impl Plant {
         let shapes = &modes.shapes;
         let floor_inverse = model.floor_inverse();
         let floor = -shapes.transpose() * &model.mass * &model.ride * floor_inverse;
-        let actuators = shapes.transpose() * model.elongations.transpose();
+        let mut actuators = shapes.transpose() * model.elongations.transpose();
 
         let sensors = match design.feedback {
             FeedbackKind::Acceleration | FeedbackKind::Force => LEGS,
             FeedbackKind::Both => 2 * LEGS,
         };
         let count = machine.performance.len();
+        // Gains that the controller does not know.
+        let errors = &machine.gain_errors;
+        for (mut column, error) in actuators.column_iter_mut().zip(errors.actuators) {
+            column *= 1.0 + error;
+        }
         let mut out = Outputs::zeros(sensors + count + 2 * LEGS + 3, n);
         if design.feedback != FeedbackKind::Force {
             // Eq. (12): the absolute acceleration of a node, that is, relative to the base plus that
@@ -76,8 +81,11 @@ impl Plant {
             for (i, sensor) in all.enumerate() {
                 let (relative, ride) = model.direction(machine, sensor);
                 let row = relative.transpose() * shapes;
-                out.acceleration.row_mut(i).copy_from(&row);
-                out.floor.row_mut(i).copy_from(&(ride * floor_inverse));
+                let gain = 1.0 + errors.sensors[0][i];
+                out.acceleration.row_mut(i).copy_from(&(row * gain));
+                out.floor
+                    .row_mut(i)
+                    .copy_from(&(ride * floor_inverse * gain));
             }
         }
         if design.feedback != FeedbackKind::Acceleration {
@@ -85,15 +93,18 @@ impl Plant {
             // the leg, like σ positive if it pushes the frame away from the foot.
             let all = machine.force_sensors.iter().flatten();
             for (i, &beam) in (sensors - LEGS..).zip(all) {
+                let gain = 1.0 + errors.sensors[1][i + LEGS - sensors];
                 for (j, &actuator) in machine.actuators.iter().enumerate() {
                     if actuator == beam {
                         let leg = &machine.beams[beam];
                         let row = model.elongations.row(j) * shapes;
                         out.displacement
                             .row_mut(i)
-                            .copy_from(&(&row * -leg.stiffness.axial));
-                        out.velocity.row_mut(i).copy_from(&(row * -leg.damper));
-                        out.actuators[(i, j)] = 1.0;
+                            .copy_from(&(&row * (-leg.stiffness.axial * gain)));
+                        out.velocity
+                            .row_mut(i)
+                            .copy_from(&(row * (-leg.damper * gain)));
+                        out.actuators[(i, j)] = gain * (1.0 + errors.actuators[j]);
                     }
                 }
             }

@@ -28,6 +28,11 @@ fn without_variation_nothing_moves() {
         ("robustness.mass", "0.0"),
         ("robustness.cog", "0.0"),
         ("robustness.leg_stiffness", "0.0"),
+        ("robustness.damping", "0.0"),
+        ("robustness.sensor_gain", "0.0"),
+        ("robustness.misalignment", "0.0"),
+        ("robustness.actuator_gain", "0.0"),
+        ("robustness.delay", "0.0"),
         ("robustness.samples", "3"),
     ]);
     assert_eq!((robust.stable, robust.samples), (3, 3));

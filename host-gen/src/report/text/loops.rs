@@ -3,7 +3,7 @@
 use std::fmt::{self, Formatter};
 
 use super::aligned::{TITLE, WARNING, cells, write_table};
-use crate::control::Shape;
+use crate::control::shape::Filter;
 use crate::design::{Design, Shaping};
 use crate::simulate::run::Comparison;
 
@@ -17,33 +17,26 @@ pub(super) fn write_design(f: &mut Formatter<'_>, r: &Design) -> fmt::Result {
             let split = shapes.iter().any(|shape| shape.split_hz.is_some());
             writeln!(
                 f,
-                "  mode        lags, Hz    zero, Hz    zeros, Hz  damping     poles, Hz  damping{}",
+                "  mode     zeros, Hz  damping     poles, Hz  damping{}",
                 if split { "   split, Hz" } else { "" }
             )?;
             for (i, shape) in shapes.iter().enumerate() {
-                let Shape {
-                    lags_hz: [a, b],
-                    zero_hz,
-                    notch,
-                    notch_poles,
-                    split_hz,
-                } = shape;
-                write!(
-                    f,
-                    "  {:>4} {:>8.3} {:>8.1} {:>11.1} {:>12.1} {:>8.3} {:>13.1} {:>8.3}",
-                    i + 1,
-                    a.min(*b),
-                    a.max(*b),
-                    zero_hz,
-                    notch.hz,
-                    notch.damping,
-                    notch_poles.hz,
-                    notch_poles.damping
-                )?;
-                if let Some(hz) = split_hz {
-                    write!(f, " {hz:>11.1}")?;
+                for (j, Filter { zeros, poles }) in shape.sections.iter().enumerate() {
+                    let mode = if j == 0 {
+                        (i + 1).to_string()
+                    } else {
+                        String::new()
+                    };
+                    write!(
+                        f,
+                        "  {mode:>4} {:>13.2} {:>8.3} {:>13.2} {:>8.3}",
+                        zeros.hz, zeros.damping, poles.hz, poles.damping
+                    )?;
+                    if let (0, Some(hz)) = (j, shape.split_hz) {
+                        write!(f, " {hz:>11.1}")?;
+                    }
+                    writeln!(f)?;
                 }
-                writeln!(f)?;
             }
         }
     }
@@ -61,6 +54,13 @@ pub(super) fn write_design(f: &mut Formatter<'_>, r: &Design) -> fmt::Result {
         r.peak_sensitivity.at_sensors,
         r.slowest_decay
     )?;
+    if let Some(used) = r.roll_off {
+        writeln!(
+            f,
+            "  at high frequency, σ_max(T) reaches {:.3} of the limit of control.roll_off, at {:.0} Hz",
+            used.part, used.at
+        )?;
+    }
     if !r.soft_start {
         writeln!(
             f,

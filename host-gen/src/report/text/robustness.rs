@@ -14,13 +14,18 @@ impl Display for RobustnessAnalysis {
             self.machine, r.samples
         )?;
         let varied = format!(
-            "{} mass ±{:.0} %, centre of gravity ±{:.0} mm; legs ±{:.0} %; seed {}",
-            self.payload.join(", "),
+            "mass ±{:.0} %, centre of gravity ±{:.0} mm; legs ±{:.0} %; damping ±{:.0} %; sensors ±{} %, ±{}°; actuators ±{} %; delay ±{} µs; seed {}",
             100.0 * self.mass,
             1e3 * self.cog,
             100.0 * self.leg_stiffness,
+            100.0 * self.damping,
+            short(100.0 * self.sensor_gain),
+            short(self.misalignment),
+            short(100.0 * self.actuator_gain),
+            short(1e6 * self.delay),
             self.seed
         );
+        let varied = format!("{} {varied}", self.payload.join(", "));
         let words: Vec<String> = varied.split_whitespace().map(str::to_owned).collect();
         write_words(f, 2, "payload", &words)?;
         writeln!(f, "  stable on {} of {}", r.stable, r.samples)?;
@@ -56,4 +61,9 @@ impl Display for RobustnessAnalysis {
         }
         Ok(())
     }
+}
+
+/// A number with at most three decimals, without those that are zero.
+fn short(x: f64) -> f64 {
+    (1e3 * x).round() / 1e3
 }

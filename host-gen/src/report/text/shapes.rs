@@ -4,7 +4,7 @@ use std::fmt::{self, Formatter};
 
 use super::aligned::TITLE;
 use crate::control::Shape;
-use crate::control::shape::Resonance;
+use crate::control::shape::{Filter, Resonance};
 
 /// `[[control.shapes]]`, one for each mode. Six digits: the table changes in its last bits,
 /// the loop by less than its verification resolves.
@@ -17,12 +17,16 @@ pub(super) fn write_shapes(f: &mut Formatter<'_>, shapes: &[Shape]) -> fmt::Resu
         format!("{{ hz = {}, damping = {} }}", six(*hz), six(*damping))
     };
     for shape in shapes {
-        let [a, b] = shape.lags_hz.map(six);
-        writeln!(f, "[[control.shapes]]")?;
-        writeln!(f, "lags_hz = [{a}, {b}]")?;
-        writeln!(f, "zero_hz = {}", six(shape.zero_hz))?;
-        writeln!(f, "notch = {}", pair(&shape.notch))?;
-        writeln!(f, "notch_poles = {}", pair(&shape.notch_poles))?;
+        writeln!(f, "[[control.shapes]]\nsections = [")?;
+        for Filter { zeros, poles } in &shape.sections {
+            writeln!(
+                f,
+                "  {{ zeros = {}, poles = {} }},",
+                pair(zeros),
+                pair(poles)
+            )?;
+        }
+        writeln!(f, "]")?;
         if let Some(hz) = shape.split_hz {
             writeln!(f, "split_hz = {}", six(hz))?;
         }

@@ -220,8 +220,8 @@ function loop(m) {
   const p = s.peak_sensitivity;
   let shaping;
   if (s.shaping.modes) {
-    const rows = s.shaping.modes.shapes.map((x, i) => [i + 1, x.lags_hz.map((hz) => short(hz)).join(", "), short(x.zero_hz), short(x.notch.hz), fixed(x.notch.damping, 3), short(x.notch_poles.hz), fixed(x.notch_poles.damping, 3), x.split_hz === null ? "–" : short(x.split_hz)]);
-    shaping = table(["mode", "lags, Hz", "zero, Hz", "zeros, Hz", "damping", "poles, Hz", "damping", "split, Hz"], rows);
+    const rows = s.shaping.modes.shapes.flatMap((x, i) => x.sections.map(({ zeros, poles }, j) => [j ? "" : i + 1, short(zeros.hz), fixed(zeros.damping, 3), short(poles.hz), fixed(poles.damping, 3), j ? "" : x.split_hz === null ? "–" : short(x.split_hz)]));
+    shaping = table(["mode", "zeros, Hz", "damping", "poles, Hz", "damping", "split, Hz"], rows);
   } else {
     shaping = `<p>All channels have a low-pass at ${short(s.shaping.common.corner_hz)} Hz.</p>`;
   }

@@ -1,0 +1,366 @@
+//! The loop of one machine at the frequencies of a grid, with its terms.
+
+use core::slice::from_ref;
+
+use nalgebra::{Complex, SMatrix};
+use shared::LEGS;
+
+use super::barrier::{Bounded, Curvature, LevelCurvature, Rows, add_square};
+use crate::numeric::products::product;
+use crate::numeric::singular::largest_singular_value;
+use crate::numeric::six::ComplexMatrix6;
+use crate::plant::Gain;
+
+/// Any number of rows, in blocks of six; zeros fill the last.
+type Blocks = Vec<ComplexMatrix6>;
+
+/// What a point of a grid is for.
+#[derive(Clone)]
+pub(super) enum Purpose<const K: usize> {
+    /// The sensitivity, and the complementary sensitivity with its limit there.
+    Loop {
+        /// The largest allowed σ_max(T); infinite for none.
+        roll_off: f64,
+    },
+    /// The motion of an output.
+    Output(Output<K>),
+}
+
+/// Outputs that see the floor through the loop: V = direct − from_modes·C·S·to_modes.
+#[derive(Clone)]
+pub(super) struct Output<const K: usize> {
+    /// From forces along the modes to the outputs.
+    pub(super) from_modes: Blocks,
+    /// From the floor to the outputs without control.
+    pub(super) direct: Blocks,
+    /// From the floor to the channels.
+    pub(super) to_modes: Rows<K>,
+    pub(super) goal: Goal,
+}
+
+impl<const K: usize> Output<K> {
+    /// V with the forces along the modes X = S·C·to_modes.
+    fn motion(&self, forces: &ComplexMatrix6) -> Blocks {
+        let pairs = self.direct.iter().zip(&self.from_modes);
+        pairs
+            .map(|(direct, from_modes)| direct - product(from_modes, forces))
+            .collect()
+    }
+}
+
+/// The rows of `matrix` in blocks.
+pub(super) fn blocks(matrix: &Gain) -> Blocks {
+    (0..matrix.nrows().div_ceil(LEGS))
+        .map(|block| {
+            ComplexMatrix6::from_fn(|i, j| {
+                let entry = matrix.get((block * LEGS + i, j));
+                entry.copied().unwrap_or(Complex::ZERO)
+            })
+        })
+        .collect()
+}
+
+/// The largest singular value of a matrix in blocks.
+fn largest(blocks: &[ComplexMatrix6]) -> f64 {
+    let whole = Gain::from_fn(LEGS * blocks.len(), |i, j| blocks[i / LEGS][(i % LEGS, j)]);
+    largest_singular_value(&whole)
+}
+
+/// What a term wants of an output.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Goal {
+    /// σ_max(V) below a limit.
+    Below(f64),
+    /// σ_max(V) below a limit times the exponential of a level, by its index.
+    BelowLevel(f64, usize),
+    /// weight·‖V‖² as a part of the mean square.
+    Square(f64),
+}
+
+/// The loop at one frequency.
+#[derive(Clone)]
+pub(super) struct Point<const K: usize> {
+    /// z − 1.
+    pub(super) delta: Complex<f64>,
+    /// Gain of each channel without its filters.
+    pub(super) base: [Complex<f64>; K],
+    /// The plant from forces along the modes to the channels.
+    pub(super) plant: SMatrix<Complex<f64>, K, LEGS>,
+    pub(super) purpose: Purpose<K>,
+}
+
+/// The matrices that turn the loop to the legs and to the sensors.
+#[derive(Clone)]
+pub(super) struct Openings {
+    /// T_out and its inverse.
+    pub(super) legs: [ComplexMatrix6; 2],
+    /// T_in⁻¹ and T_in of each kind of sensors.
+    pub(super) sensors: Vec<[ComplexMatrix6; 2]>,
+}
+
+/// The limits of σ_max(S) at the modes and elsewhere, and the part of the roll-off's limits that
+/// is used.
+#[derive(Clone, Copy)]
+pub(super) struct Limits {
+    pub(super) modes: f64,
+    pub(super) elsewhere: f64,
+    pub(super) roll_off: f64,
+}
+
+impl Limits {
+    /// All limits times `factor`.
+    pub(super) fn scaled(self, factor: f64) -> Self {
+        Self {
+            modes: self.modes * factor,
+            elsewhere: self.elsewhere * factor,
+            roll_off: self.roll_off * factor,
+        }
+    }
+}
+
+/// What a point adds.
+pub(super) struct PointCost<const K: usize> {
+    pub(super) terms: Curvature<K>,
+    /// The level of the terms, if they have one, and what changing it does.
+    pub(super) level: Option<(usize, LevelCurvature<K>)>,
+    /// The part of the mean square.
+    pub(super) square: Curvature<K>,
+    /// det(1 + L) of a point of the loop.
+    pub(super) determinant: Option<Complex<f64>>,
+}
+
+/// C·G: gains times the plant, 6×6.
+fn times<const K: usize>(
+    c: &[Complex<f64>; K],
+    rows: &SMatrix<Complex<f64>, K, LEGS>,
+) -> ComplexMatrix6 {
+    let mut product = ComplexMatrix6::zeros();
+    for j in 0..LEGS {
+        for (k, gain) in c.iter().enumerate() {
+            product[(k % LEGS, j)] += gain * rows[(k, j)];
+        }
+    }
+    product
+}
+
+impl<const K: usize> Point<K> {
+    /// The level of its limit, if it has one.
+    pub(super) fn level(&self) -> Option<usize> {
+        match &self.purpose {
+            Purpose::Output(Output {
+                goal: Goal::BelowLevel(_, index),
+                ..
+            }) => Some(*index),
+            _ => None,
+        }
+    }
+
+    /// Whether it is a point of the loop.
+    pub(super) fn is_of_loop(&self) -> bool {
+        matches!(self.purpose, Purpose::Loop { .. })
+    }
+
+    /// 1 + L with the loop opened at the modes.
+    fn return_difference(&self, c: &[Complex<f64>; K]) -> ComplexMatrix6 {
+        ComplexMatrix6::identity() + times(c, &self.plant)
+    }
+
+    /// det(1 + L) at the channel gains `c`.
+    pub(super) fn determinant(&self, c: &[Complex<f64>; K]) -> Complex<f64> {
+        self.return_difference(c).lu().determinant()
+    }
+
+    /// det(1 + L) and S = (1 + L)⁻¹.
+    fn sensitivity(&self, c: &[Complex<f64>; K]) -> Option<(Complex<f64>, ComplexMatrix6)> {
+        let lu = self.return_difference(c).lu();
+        Some((lu.determinant(), lu.try_inverse()?))
+    }
+
+    /// Calls `each` with every bounded matrix of the loop and its level; false as soon as a call
+    /// returns false.
+    fn bounded(
+        &self,
+        c: &[Complex<f64>; K],
+        s: &ComplexMatrix6,
+        openings: &Openings,
+        limits: Limits,
+        slack: f64,
+        mut each: impl FnMut(Bounded<'_, K>) -> bool,
+    ) -> bool {
+        let Purpose::Loop { roll_off } = self.purpose else {
+            return true;
+        };
+        let q = product(&self.plant, s);
+        let [out, out_inverse] = &openings.legs;
+        let legs = product(out, s);
+        if !each(Bounded {
+            v: from_ref(s),
+            p: from_ref(s),
+            q: &q,
+            limit: limits.modes * slack,
+        }) || !each(Bounded {
+            v: &[product(&legs, out_inverse)],
+            p: &[legs],
+            q: &product(&q, out_inverse),
+            limit: limits.elsewhere * slack,
+        }) {
+            return false;
+        }
+        if roll_off.is_finite()
+            && !each(Bounded {
+                v: &[ComplexMatrix6::identity() - s],
+                p: &[-s],
+                q: &q,
+                limit: roll_off * limits.roll_off * slack,
+            })
+        {
+            return false;
+        }
+        // At the sensors of a kind: V = T⁻¹·(1 − G·S·C)·T, and dV = −T⁻¹·G·S·dC·(1 − G·S·C)·T.
+        openings
+            .sensors
+            .iter()
+            .enumerate()
+            .all(|(kind, [inverse, input])| {
+                let first = kind * LEGS;
+                let mut rest = SMatrix::<Complex<f64>, K, LEGS>::zeros();
+                for j in 0..LEGS {
+                    // 1 − G·S·C: the columns of this kind's gains.
+                    rest.set_column(j, &(q.column(j) * -c[first + j]));
+                    rest[(first + j, j)] += 1.0;
+                }
+                let rest = product(&rest, input);
+                let rows = |of: &Rows<K>| of.fixed_rows::<LEGS>(first).into_owned();
+                each(Bounded {
+                    v: &[product(inverse, &rows(&rest))],
+                    p: &[product(inverse, &rows(&q))],
+                    q: &rest,
+                    limit: limits.elsewhere * slack,
+                })
+            })
+    }
+
+    /// The costs of this point at the channel gains `c`, with derivatives; none if a limit is
+    /// passed. The limits of the loop are multiplied by `slack`, whose logarithm is level 0 if
+    /// `slacked`. `levels` are the logarithms by which limits of levels are multiplied.
+    pub(super) fn cost(
+        &self,
+        c: &[Complex<f64>; K],
+        openings: &Openings,
+        limits: Limits,
+        slacked: bool,
+        levels: &[f64],
+    ) -> Option<PointCost<K>> {
+        let (determinant, s) = self.sensitivity(c)?;
+        let mut cost = PointCost {
+            terms: Curvature::zero(),
+            level: None,
+            square: Curvature::zero(),
+            determinant: None,
+        };
+        let slack = if slacked { levels[0].exp() } else { 1.0 };
+        match &self.purpose {
+            Purpose::Loop { .. } => {
+                let mut level = slacked.then(LevelCurvature::zero);
+                let terms = &mut cost.terms;
+                if !self.bounded(c, &s, openings, limits, slack, |bounded| {
+                    bounded.add(c, terms, level.as_mut())
+                }) {
+                    return None;
+                }
+                cost.level = level.map(|level| (0, level));
+                cost.determinant = Some(determinant);
+            }
+            Purpose::Output(output) => {
+                let p: Blocks = output.from_modes.iter().map(|m| product(m, &s)).collect();
+                let forces = product(&s, &times(c, &output.to_modes));
+                let v = output.motion(&forces);
+                let q = output.to_modes - product(&self.plant, &forces);
+                let (limit, index) = match output.goal {
+                    Goal::Square(weight) => {
+                        add_square(c, weight, &v, &p, &q, &mut cost.square);
+                        return Some(cost);
+                    }
+                    Goal::Below(limit) => (limit * slack, slacked.then_some(0)),
+                    Goal::BelowLevel(limit, index) => (limit * levels[index].exp(), Some(index)),
+                };
+                let mut level = index.map(|_| LevelCurvature::zero());
+                let bounded = Bounded {
+                    v: &v,
+                    p: &p,
+                    q: &q,
+                    limit,
+                };
+                if !bounded.add(c, &mut cost.terms, level.as_mut()) {
+                    return None;
+                }
+                cost.level = index.zip(level);
+            }
+        }
+        Some(cost)
+    }
+
+    /// The barrier, the part of the mean square, and the determinant: as [`Self::cost`], without
+    /// derivatives.
+    pub(super) fn value(
+        &self,
+        c: &[Complex<f64>; K],
+        openings: &Openings,
+        limits: Limits,
+        slacked: bool,
+        levels: &[f64],
+    ) -> Option<(f64, f64, Option<Complex<f64>>)> {
+        let (determinant, s) = self.sensitivity(c)?;
+        let slack = if slacked { levels[0].exp() } else { 1.0 };
+        let mut sum = 0.0;
+        let Purpose::Output(output) = &self.purpose else {
+            let inside = self.bounded(c, &s, openings, limits, slack, |bounded| {
+                bounded.value().is_some_and(|value| {
+                    sum += value;
+                    true
+                })
+            });
+            return inside.then_some((sum, 0.0, Some(determinant)));
+        };
+        let v = output.motion(&product(&s, &times(c, &output.to_modes)));
+        let limit = match output.goal {
+            Goal::Square(weight) => {
+                let square: f64 = v.iter().map(ComplexMatrix6::norm_squared).sum();
+                return Some((0.0, weight * square, None));
+            }
+            Goal::Below(limit) => limit * slack,
+            Goal::BelowLevel(limit, index) => limit * levels[index].exp(),
+        };
+        let bounded = Bounded {
+            v: &v,
+            p: &output.from_modes,
+            q: &output.to_modes,
+            limit,
+        };
+        Some((bounded.value()?, 0.0, None))
+    }
+
+    /// The largest factor by which a term at this point exceeds its limit, or, for a level, its
+    /// limit at level 0.
+    pub(super) fn excess(&self, c: &[Complex<f64>; K], openings: &Openings, limits: Limits) -> f64 {
+        let Some((_, s)) = self.sensitivity(c) else {
+            return f64::INFINITY;
+        };
+        let mut highest = 0.0_f64;
+        match &self.purpose {
+            Purpose::Loop { .. } => {
+                self.bounded(c, &s, openings, limits, 1.0, |bounded| {
+                    highest = highest.max(largest(bounded.v) / bounded.limit);
+                    true
+                });
+            }
+            Purpose::Output(output) => {
+                if let Goal::Below(limit) | Goal::BelowLevel(limit, _) = output.goal {
+                    let v = output.motion(&product(&s, &times(c, &output.to_modes)));
+                    highest = largest(&v) / limit;
+                }
+            }
+        }
+        highest
+    }
+}

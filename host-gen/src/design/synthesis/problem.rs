@@ -1,0 +1,572 @@
+//! The cost of the synthesis: barriers of all terms of all machines, with gradient and curvature.
+
+use core::f64::consts::FRAC_PI_2;
+
+use nalgebra::{Complex, DMatrix, DVector};
+use rayon::prelude::*;
+use shared::LEGS;
+use shared::supervisor::GENTLE;
+
+use super::barrier::{Curvature, LevelCurvature};
+use super::parameters::{GroupFilters, MOST_PER_GROUP, Parameters};
+use super::points::{Goal, Limits, Openings, Point, PointCost, Purpose};
+
+/// What the variables are besides the parameters, and what is minimised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stage {
+    /// One level: the logarithm of the factor by which all limits are widened.
+    Feasibility,
+    /// A level for each band, and an upper limit of these. Or no level, and the mean square.
+    Performance,
+}
+
+/// The loop of a machine, with limits that also some points of perturbed machines must keep.
+pub(super) struct Problem<const K: usize> {
+    pub(super) parameters: Parameters,
+    pub(super) openings: Openings,
+    pub(super) limits: Limits,
+    /// The points of the machine that is designed; those of the loop first, in ascending frequency.
+    pub(super) points: Vec<Point<K>>,
+    /// Points of the loops of perturbed machines.
+    pub(super) beside: Vec<Point<K>>,
+    /// Number of levels in the stage of performance.
+    pub(super) levels: usize,
+    /// Whether the loop must be stable at every gain of the soft start.
+    pub(super) soft_start: bool,
+}
+
+/// A cost with its gradient and curvature.
+pub(super) struct Expansion {
+    pub(super) value: f64,
+    pub(super) gradient: DVector<f64>,
+    pub(super) curvature: DMatrix<f64>,
+}
+
+/// Part of the mean level beside the highest one in the cost.
+const MEAN: f64 = 0.5;
+
+/// Limits on a part of the points, as a part of those on all.
+const BETWEEN: f64 = 0.97;
+
+/// A part of a limit that is close to it.
+const CLOSE: f64 = 1.0;
+
+/// Gains of the soft start that are tried, evenly spaced in the logarithm.
+const SOFT: usize = 13;
+
+/// Points that are summed in one go: sums do not depend on the number of processors.
+const CHUNK: usize = 16;
+
+/// The sums of a chunk of points.
+struct Sums {
+    terms: Expansion,
+    square: Option<Expansion>,
+    determinants: Vec<Complex<f64>>,
+}
+
+impl Expansion {
+    fn zero(n: usize) -> Self {
+        Self {
+            value: 0.0,
+            gradient: DVector::zeros(n),
+            curvature: DMatrix::zeros(n, n),
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.value += other.value;
+        self.gradient += &other.gradient;
+        self.curvature += &other.curvature;
+    }
+}
+
+/// The channel gains at a point, and the derivatives of their logarithms: for each group and kind
+/// of sensors, by the parameters of the group.
+struct Channels<const K: usize> {
+    gains: [Complex<f64>; K],
+    slopes: Vec<[Complex<f64>; MOST_PER_GROUP]>,
+}
+
+/// Channels with equal gains: those of a group with one kind of sensors.
+struct Slot {
+    group: usize,
+    channels: core::ops::Range<usize>,
+}
+
+impl<const K: usize> Problem<K> {
+    const KINDS: usize = K / LEGS;
+
+    fn channels(&self, filters: &[GroupFilters], point: &Point<K>) -> Channels<K> {
+        let n = self.parameters.per_group();
+        let mut gains = point.base;
+        let mut all = Vec::with_capacity(filters.len() * Self::KINDS);
+        for (group, filters) in self.parameters.groups.iter().zip(filters) {
+            let mut slopes = [Complex::ZERO; MOST_PER_GROUP];
+            let count = n - usize::from(self.parameters.both);
+            let product = filters.sections(point.delta, &mut slopes[..count]);
+            let split = filters.split(point.delta);
+            for (kind, (factor, slope)) in split.into_iter().take(Self::KINDS).enumerate() {
+                for mode in group.clone() {
+                    gains[kind * LEGS + mode] *= product * factor;
+                }
+                let mut own = slopes;
+                if self.parameters.both {
+                    own[n - 1] = slope;
+                }
+                all.push(own);
+            }
+        }
+        Channels { gains, slopes: all }
+    }
+
+    /// The slots, in the order of [`Channels::slopes`].
+    fn slots(&self) -> Vec<Slot> {
+        let groups = self.parameters.groups.iter().enumerate();
+        groups
+            .flat_map(|(group, modes)| {
+                (0..Self::KINDS).map(move |kind| {
+                    let first = kind * LEGS;
+                    Slot {
+                        group,
+                        channels: first + modes.start..first + modes.end,
+                    }
+                })
+            })
+            .collect()
+    }
+
+    /// Adds what a point costs by its channel gains to the expansion by all variables. Of the
+    /// curvature between two groups only the part above the diagonal.
+    fn chain(
+        &self,
+        sum: &mut Expansion,
+        slots: &[Slot],
+        channels: &Channels<K>,
+        cost: &Curvature<K>,
+    ) {
+        let n = self.parameters.per_group();
+        sum.value += cost.value;
+        for (a, own) in slots.iter().enumerate() {
+            let slopes = &channels.slopes[a][..n];
+            let gradient: Complex<f64> = own.channels.clone().map(|k| cost.gradient[k]).sum();
+            for (j, slope) in slopes.iter().enumerate() {
+                sum.gradient[own.group * n + j] += (gradient * slope).re;
+            }
+            for (b, beside) in slots.iter().enumerate().skip(a) {
+                let mut hermitian = Complex::<f64>::ZERO;
+                let mut symmetric = Complex::<f64>::ZERO;
+                for k in own.channels.clone() {
+                    for l in beside.channels.clone() {
+                        hermitian += cost.hermitian[(k, l)];
+                        symmetric += cost.symmetric[(k, l)];
+                    }
+                }
+                let image: [Complex<f64>; MOST_PER_GROUP] =
+                    channels.slopes[a].map(|slope| hermitian * slope + symmetric * slope.conj());
+                let mut block = sum
+                    .curvature
+                    .view_mut((own.group * n, beside.group * n), (n, n));
+                for (m, other) in channels.slopes[b][..n].iter().enumerate() {
+                    for (entry, image) in block.column_mut(m).iter_mut().zip(&image) {
+                        *entry += image.re * other.re + image.im * other.im;
+                    }
+                }
+                // Two kinds of sensors with one group: both orders lie in the same block.
+                if a != b && own.group == beside.group {
+                    for (j, image) in image[..n].iter().enumerate() {
+                        let others = &channels.slopes[b];
+                        for (entry, other) in block.column_mut(j).iter_mut().zip(others) {
+                            *entry += image.re * other.re + image.im * other.im;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds what a point costs by the logarithm of its limit; of the curvature only the part above
+    /// the diagonal.
+    fn chain_level(
+        &self,
+        sum: &mut Expansion,
+        slots: &[Slot],
+        channels: &Channels<K>,
+        (index, level): &(usize, LevelCurvature<K>),
+    ) {
+        let n = self.parameters.per_group();
+        let at = self.parameters.count() + index;
+        sum.gradient[at] += level.slope;
+        sum.curvature[(at, at)] += level.curvature;
+        for (slot, slopes) in slots.iter().zip(&channels.slopes) {
+            let mixed: Complex<f64> = slot.channels.clone().map(|k| level.mixed[k]).sum();
+            for (j, slope) in slopes[..n].iter().enumerate() {
+                sum.curvature[(slot.group * n + j, at)] += (mixed * slope).re;
+            }
+        }
+    }
+
+    /// Whether a point has a term in this stage.
+    fn counts(stage: Stage, point: &Point<K>) -> bool {
+        match &point.purpose {
+            Purpose::Loop { .. } => true,
+            Purpose::Output(output) => {
+                stage == Stage::Performance || matches!(output.goal, Goal::Below(_))
+            }
+        }
+    }
+
+    /// The barriers of limits of parameters, of levels below their upper limit, and `weight` times
+    /// what is minimised, without the mean square; none outside of the limits.
+    fn sides(&self, stage: Stage, weight: f64, x: &[f64]) -> Option<Expansion> {
+        let n = self.parameters.count();
+        let mut sum = Expansion::zero(x.len());
+        let mut value = 0.0;
+        for (i, x) in x[..n].iter().enumerate() {
+            let [low, high] = self.parameters.limits(i);
+            for (room, sign) in [(x - low, 1.0), (high - x, -1.0)] {
+                if room <= 0.0 {
+                    return None;
+                }
+                value -= room.ln();
+                sum.gradient[i] -= sign / room;
+                sum.curvature[(i, i)] += 1.0 / (room * room);
+            }
+        }
+        match stage {
+            Stage::Feasibility => {
+                value += weight * x[n];
+                sum.gradient[n] += weight;
+            }
+            Stage::Performance if self.levels == 0 => {}
+            Stage::Performance => {
+                let top = n + self.levels;
+                let part = weight * MEAN / self.levels as f64;
+                for i in n..top {
+                    let room = x[top] - x[i];
+                    if room <= 0.0 {
+                        return None;
+                    }
+                    value += part * x[i] - room.ln();
+                    sum.gradient[i] += part + 1.0 / room;
+                    sum.gradient[top] -= 1.0 / room;
+                    let mixed = 1.0 / (room * room);
+                    for (row, column, sign) in [(i, i, 1.0), (top, top, 1.0), (i, top, -1.0)] {
+                        sum.curvature[(row, column)] += sign * mixed;
+                    }
+                }
+                value += weight * x[top];
+                sum.gradient[top] += weight;
+            }
+        }
+        sum.value = value;
+        Some(sum)
+    }
+
+    /// Whether the loops with these values of det(1 + L), in the order of their points, are
+    /// stable: plant and controller are, so it must not encircle zero. It starts at 1, because AC
+    /// coupling makes the loop gain zero at z = 1.
+    fn encircles(determinants: impl IntoIterator<Item = Complex<f64>>) -> bool {
+        let mut before = Complex::ONE;
+        let mut turned = 0.0;
+        for determinant in determinants {
+            turned += (determinant / before).arg();
+            before = determinant;
+        }
+        turned.abs() > FRAC_PI_2
+    }
+
+    fn levels<'x>(&self, x: &'x [f64]) -> &'x [f64] {
+        &x[self.parameters.count()..]
+    }
+
+    /// The cost at the variables `x`, with derivatives; none if a limit is passed or a loop is
+    /// unstable. `weight` multiplies what is minimised.
+    pub(super) fn expand(&self, stage: Stage, weight: f64, x: &[f64]) -> Option<Expansion> {
+        let n = x.len();
+        let mut total = self.sides(stage, weight, x)?;
+        let filters = self.parameters.filters(&x[..self.parameters.count()]);
+        let squares = self.levels == 0 && stage == Stage::Performance;
+        let slacked = stage == Stage::Feasibility;
+        let levels = self.levels(x);
+        let slots = self.slots();
+        let mut square = squares.then(|| Expansion::zero(n));
+        let chunk = |points: &[Point<K>]| -> Option<Sums> {
+            let mut sums = Sums {
+                terms: Expansion::zero(n),
+                square: squares.then(|| Expansion::zero(n)),
+                determinants: Vec::with_capacity(points.len()),
+            };
+            for point in points.iter().filter(|point| Self::counts(stage, point)) {
+                let channels = self.channels(&filters, point);
+                let PointCost {
+                    terms,
+                    level,
+                    square,
+                    determinant,
+                } = point.cost(
+                    &channels.gains,
+                    &self.openings,
+                    self.limits,
+                    slacked,
+                    levels,
+                )?;
+                self.chain(&mut sums.terms, &slots, &channels, &terms);
+                if let Some(level) = &level {
+                    self.chain_level(&mut sums.terms, &slots, &channels, level);
+                }
+                if let Some(sum) = &mut sums.square
+                    && square.value > 0.0
+                {
+                    self.chain(sum, &slots, &channels, &square);
+                }
+                sums.determinants.extend(determinant);
+            }
+            Some(sums)
+        };
+        let sums = |points: &[Point<K>]| {
+            let chunks = points.par_chunks(CHUNK).map(chunk);
+            chunks.collect::<Option<Vec<Sums>>>()
+        };
+        let (own, beside) = (sums(&self.points)?, sums(&self.beside)?);
+        if Self::encircles(own.iter().flat_map(|sums| &sums.determinants).copied()) {
+            return None;
+        }
+        for sums in own.iter().chain(&beside) {
+            total.add(&sums.terms);
+            if let (Some(square), Some(part)) = (&mut square, &sums.square) {
+                square.add(part);
+            }
+        }
+        if let Some(square) = square {
+            // Half the logarithm of the mean square; the curvature without that of the logarithm,
+            // which is negative.
+            let scale = 0.5 * weight / square.value;
+            total.value += 0.5 * weight * square.value.ln();
+            total.gradient += square.gradient * scale;
+            total.curvature += square.curvature * scale;
+        }
+        total.curvature.fill_lower_triangle_with_upper_triangle();
+        Some(total)
+    }
+
+    /// The same cost without derivatives.
+    pub(super) fn value(&self, stage: Stage, weight: f64, x: &[f64]) -> Option<f64> {
+        let mut total = self.sides(stage, weight, x)?.value;
+        let filters = self.parameters.filters(&x[..self.parameters.count()]);
+        let slacked = stage == Stage::Feasibility;
+        let levels = self.levels(x);
+        let value = |points: &[Point<K>]| {
+            let mut all = Vec::with_capacity(points.len());
+            for point in points.iter().filter(|point| Self::counts(stage, point)) {
+                let gains = self.channels(&filters, point).gains;
+                let (openings, limits) = (&self.openings, self.limits);
+                all.push(point.value(&gains, openings, limits, slacked, levels)?);
+            }
+            Some(all)
+        };
+        let values = |points: &[Point<K>]| {
+            let chunks = points.par_chunks(CHUNK).map(value);
+            chunks.collect::<Option<Vec<_>>>()
+        };
+        let (own, beside) = (values(&self.points)?, values(&self.beside)?);
+        if Self::encircles(own.iter().flatten().filter_map(|(.., z)| *z)) {
+            return None;
+        }
+        let mut square = 0.0;
+        for (barrier, part, _) in own.iter().chain(&beside).flatten() {
+            total += barrier;
+            square += part;
+        }
+        if self.levels == 0 && stage == Stage::Performance {
+            total += 0.5 * weight * square.ln();
+        }
+        Some(total)
+    }
+
+    /// The largest factor by which the loop exceeds a limit with the parameters `x`, and for each
+    /// level its lowest value; none if the loop is unstable.
+    pub(super) fn excess(&self, x: &[f64]) -> Option<(f64, Vec<f64>)> {
+        let filters = self.parameters.filters(x);
+        let on_loop = self.points.iter().filter(|point| point.is_of_loop());
+        // Most of the loops from which a search starts are unstable, which a determinant tells.
+        if Self::encircles(on_loop.map(|point| {
+            let gains = self.channels(&filters, point).gains;
+            point.determinant(&gains)
+        })) {
+            return None;
+        }
+        let excesses = |points: &[Point<K>]| {
+            let points = points.par_iter().with_min_len(CHUNK);
+            let all = points.map(|point| self.excess_at(&filters, point));
+            all.collect::<Vec<_>>()
+        };
+        let all = excesses(&self.points);
+        let mut highest = excesses(&self.beside).into_iter().fold(0.0, f64::max);
+        let mut levels = vec![0.0_f64; self.levels];
+        for (excess, point) in all.into_iter().zip(&self.points) {
+            match point.level() {
+                Some(index) => levels[index] = levels[index].max(excess),
+                None => highest = highest.max(excess),
+            }
+        }
+        Some((highest, levels.into_iter().map(f64::ln).collect()))
+    }
+
+    /// Whether the loop is stable at the gains of the soft start with the variables `x`, if it must
+    /// be.
+    pub(super) fn starts_softly(&self, x: &[f64]) -> bool {
+        if !self.soft_start {
+            return true;
+        }
+        let filters = self.parameters.filters(&x[..self.parameters.count()]);
+        let on_loop = self.points.iter().filter(|point| point.is_of_loop());
+        let gains: Vec<_> = on_loop
+            .map(|point| (point, self.channels(&filters, point).gains))
+            .collect();
+        (1..SOFT).into_par_iter().all(|n| {
+            let part = f64::from(GENTLE).powf(n as f64 / (SOFT - 1) as f64);
+            !Self::encircles(
+                gains
+                    .iter()
+                    .map(|(point, gains)| point.determinant(&gains.map(|gain| gain * part))),
+            )
+        })
+    }
+
+    /// The factor by which a limit is exceeded at a point.
+    fn excess_at(&self, filters: &[GroupFilters], point: &Point<K>) -> f64 {
+        let gains = self.channels(filters, point).gains;
+        point.excess(&gains, &self.openings, self.limits)
+    }
+
+    /// The largest factor by which the loops of the machines of `set` exceed a limit with the
+    /// parameters `x`, and the points at which they are close to one. This does not tell whether they are stable.
+    pub(super) fn close_to_limits(&self, set: &[Vec<Point<K>>], x: &[f64]) -> (f64, Vec<Point<K>>) {
+        let filters = self.parameters.filters(x);
+        let of_one = |points: &Vec<Point<K>>| {
+            let mut highest = 0.0;
+            let mut close = Vec::new();
+            for point in points {
+                let excess = self.excess_at(&filters, point);
+                highest = f64::max(highest, excess);
+                if excess > CLOSE {
+                    close.push(point.clone());
+                }
+            }
+            (highest, close)
+        };
+        let all: Vec<_> = set.par_iter().map(of_one).collect();
+        let highest = all.iter().map(|(highest, _)| *highest).fold(0.0, f64::max);
+        (
+            highest,
+            all.into_iter().flat_map(|(_, points)| points).collect(),
+        )
+    }
+
+    /// What is minimised at the variables `x` of the stage of performance; infinite outside of the
+    /// limits.
+    pub(super) fn cost(&self, x: &[f64]) -> f64 {
+        if let [levels @ .., top] = self.levels(x) {
+            return top + MEAN / levels.len() as f64 * levels.iter().sum::<f64>();
+        }
+        // The barriers are the same with any weight.
+        let value = |weight: f64| self.value(Stage::Performance, weight, x);
+        let minimised = value(2.0).zip(value(1.0)).map(|(two, one)| two - one);
+        minimised.unwrap_or(f64::INFINITY)
+    }
+
+    /// The same problem on every `stride`-th point of the loop, with all levels or without any.
+    /// The limits leave room for what the points between are above them.
+    pub(super) fn thinned(&self, stride: usize, with_levels: bool) -> Self {
+        let points = self.points.iter().enumerate();
+        let points = points.filter(|(i, point)| match &point.purpose {
+            Purpose::Loop { .. } => i % stride == 0,
+            Purpose::Output(output) => with_levels || matches!(output.goal, Goal::Below(_)),
+        });
+        Self {
+            parameters: self.parameters.clone(),
+            openings: self.openings.clone(),
+            limits: self.limits.scaled(BETWEEN),
+            points: points.map(|(_, point)| point.clone()).collect(),
+            beside: self.beside.clone(),
+            soft_start: self.soft_start,
+            levels: self.levels,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::Study;
+    use crate::design::synthesis::Synthesis;
+    use crate::machine::{Machine, Minimise, RollOff};
+
+    /// The gradient against differences of the cost, and the curvature of the levels against
+    /// differences of the gradient, in both stages, for peaks and for the mean square.
+    fn check<const K: usize>(file: &str, minimise: Minimise) {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
+        let mut machine = Machine::load(&path.join(file)).unwrap();
+        machine.target.minimise = minimise;
+        machine.target.roll_off = Some(RollOff {
+            hz: 2000.0,
+            order: 1.0,
+        });
+        let study = Study::new(machine).unwrap();
+        let synthesis = Synthesis {
+            study: &study,
+            target: study.machine().target,
+            reference_db: &[-40.0, -10.0],
+            isolation: 1.4,
+            sharp: &[],
+            perturbed: false,
+            progress: &(),
+        };
+        let problem = synthesis.problem::<K>().thinned(2, true);
+        let start = synthesis.starts(&problem).remove(0);
+        let n = start.len();
+        let (excess, levels) = problem.excess(&start).expect("a start is stable");
+        let mut wide = start.clone();
+        wide.push((1.3 * excess).ln());
+        let mut inside = start;
+        inside.extend(levels.iter().map(|level| level + 0.2));
+        if let Some(top) = levels.into_iter().reduce(f64::max) {
+            inside.push(top + 0.7);
+        }
+        for (stage, x) in [(Stage::Feasibility, wide), (Stage::Performance, inside)] {
+            if stage == Stage::Performance && excess >= 1.0 {
+                continue;
+            }
+            let expand = |x: &[f64]| problem.expand(stage, 3.0, x).expect("inside the limits");
+            let here = expand(&x);
+            assert!((problem.value(stage, 3.0, &x).unwrap() - here.value).abs() < 1e-9);
+            for i in 0..x.len() {
+                let moved = |by: f64| {
+                    let mut x = x.clone();
+                    x[i] += by;
+                    expand(&x)
+                };
+                let (ahead, behind) = (moved(1e-5), moved(-1e-5));
+                let slope = (ahead.value - behind.value) / 2e-5;
+                let error = (slope - here.gradient[i]).abs();
+                assert!(
+                    error < 1e-4 * here.gradient.amax(),
+                    "{stage:?} {i}: {slope}"
+                );
+                if i >= n {
+                    let change = (ahead.gradient - behind.gradient) / 2e-5;
+                    let own = here.curvature.column(i);
+                    let error = (change - own).rows_range(n..).amax();
+                    assert!(error < 1e-4 * own.amax(), "{stage:?} {i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_are_differences() {
+        check::<LEGS>("nucleo-h743.toml", Minimise::Peaks);
+        check::<LEGS>("nucleo-h743.toml", Minimise::Rms);
+        check::<{ 2 * LEGS }>("both-sensors.toml", Minimise::Peaks);
+    }
+}
