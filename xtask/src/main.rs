@@ -254,14 +254,12 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
             Step::new("session without boards", alone),
             Step::new("processor in the loop", boards),
             Step::new("scenes", [virtual_board::scenes(&image, full)?]),
-        ],
-        vec![
-            Step::new("unit and integration tests", [testing()]),
             Step::new("documents", [docs_command(None)?]),
-        ]
-        .into_iter()
-        .chain(others)
-        .collect(),
+        ],
+        [Step::new("unit and integration tests", [testing()])]
+            .into_iter()
+            .chain(others)
+            .collect(),
     ])?;
     if full {
         book(setup)?;

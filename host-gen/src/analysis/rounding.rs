@@ -96,8 +96,8 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
         return Vec::new();
     };
     let linear = LinearLaw::new(&plain);
-    let states = linear.state_space().a.nrows();
     let exact = SparseLaw::new(&linear.state_space());
+    let states = exact.states;
     let law = plain.get().law;
     let board = &machine.board;
     let nyquist = (0.5 * board.sample_rate).sqrt();

@@ -2,13 +2,14 @@
 //! that is reached.
 
 use core::f64::consts::{SQRT_2, TAU};
+use std::sync::OnceLock;
 
 use nalgebra::Complex;
 use shared::LEGS;
 use shared::supervisor::GENTLE;
 
 use super::outcome::{Advice, Band, Below, Design, DesignError, Refusal, Shaping};
-use super::perturbed::perturbed;
+use super::perturbed::{drawn, perturbed};
 use super::roll_off::highest_corner;
 use super::study::{Growth, Study};
 use super::synthesis::Synthesis;
@@ -116,6 +117,8 @@ struct Reach<'a> {
     /// The transmission zeros as peaks, frequency and half width, Hz: a fast loop moves its
     /// poles close to them.
     sharp: Vec<(f64, f64)>,
+    /// The perturbed machines on which a design must hold, once they are needed.
+    drawn: OnceLock<Vec<Option<Study>>>,
     effort: Effort,
     progress: &'a dyn Progress,
 }
@@ -134,9 +137,14 @@ impl<'a> Reach<'a> {
             study,
             sharp: pole_peaks(&zeros),
             zeros,
+            drawn: OnceLock::new(),
             effort,
             progress,
         })
+    }
+
+    fn drawn(&self) -> &[Option<Study>] {
+        self.drawn.get_or_init(|| drawn(self.study.machine()))
     }
 
     fn ideal(&self, target: &Target) -> Result<IdealLoop, NumericError> {
@@ -153,10 +161,7 @@ impl<'a> Reach<'a> {
             return Ok(None);
         }
         let corner = |frequency: f64| {
-            let ideal = self.ideal(&Target {
-                frequency,
-                ..target
-            })?;
+            let ideal = self.ideal(&self.target_at(frequency))?;
             Ok(ideal.isolation_from_hz)
         };
         let own = corner(target.frequency)?;
@@ -289,7 +294,7 @@ impl<'a> Reach<'a> {
             reference_db,
             isolation: slack * target.isolation_hz(),
             sharp: &self.sharp,
-            perturbed,
+            drawn: if perturbed { self.drawn() } else { &[] },
             progress: self.progress,
         }
     }
@@ -317,7 +322,7 @@ impl<'a> Reach<'a> {
             let shaping = Shaping::Modes { shapes };
             let (mut trial, peak) = Trial::new(self.study, &target, &shaping, loops)?;
             if let (Some(trial), true) = (&mut trial, full) {
-                trial.drawn = Some(perturbed(self.study, &target, &trial.table)?);
+                trial.drawn = Some(perturbed(self.study, self.drawn(), &target, &trial.table)?);
             }
             Ok(Some((trial, peak)))
         };
@@ -366,7 +371,7 @@ impl<'a> Reach<'a> {
                 let (trial, peak) = Trial::new(self.study, &target, shaping, &loops)?;
                 let mut trial = trial.ok_or(Miss::Unstable)?;
                 if law == LawName::Modal && self.effort == Effort::Full {
-                    trial.drawn = Some(perturbed(self.study, &target, &trial.table)?);
+                    trial.drawn = Some(perturbed(self.study, self.drawn(), &target, &trial.table)?);
                 }
                 (trial, peak)
             }
@@ -396,29 +401,26 @@ impl<'a> Reach<'a> {
         })
     }
 
-    /// Whether a target at `frequency`, Hz, is reached.
-    fn reaches(&self, frequency: f64) -> Result<bool, DesignError> {
-        let target = Target {
+    /// The machine's target with another `frequency`, Hz.
+    fn target_at(&self, frequency: f64) -> Target {
+        Target {
             frequency,
             ..self.study.machine().target
-        };
-        let reached = match target.law {
-            LawName::Direct => self.reach(target, None).map(|_| true),
+        }
+    }
+
+    /// Whether a target at `frequency`, Hz, is reached.
+    fn reaches(&self, frequency: f64) -> Result<bool, DesignError> {
+        let target = self.target_at(frequency);
+        match target.law {
+            LawName::Direct => self.holds(frequency),
             // What has something to begin with has a best.
-            LawName::Modal => self
-                .ideal(&target)
-                .map(|ideal| {
-                    let bound = target.max_sensitivity;
-                    let references = self.references(&ideal);
-                    self.synthesis(target, &references, bound, CORNER_SLACK, false)
-                        .is_feasible()
-                })
-                .map_err(Miss::from),
-        };
-        match reached {
-            Ok(reached) => Ok(reached),
-            Err(Miss::Error(error)) => Err(error),
-            Err(_) => Ok(false),
+            LawName::Modal => {
+                let references = self.references(&self.ideal(&target)?);
+                let bound = target.max_sensitivity;
+                let synthesis = self.synthesis(target, &references, bound, CORNER_SLACK, false);
+                Ok(synthesis.is_feasible())
+            }
         }
     }
 
@@ -474,11 +476,7 @@ impl<'a> Reach<'a> {
 
     /// Whether a target at `frequency`, Hz, is reached by a design that is verified.
     fn holds(&self, frequency: f64) -> Result<bool, DesignError> {
-        let target = Target {
-            frequency,
-            ..self.study.machine().target
-        };
-        match self.reach(target, None) {
+        match self.reach(self.target_at(frequency), None) {
             Ok(_) => Ok(true),
             Err(Miss::Error(error)) => Err(error),
             Err(_) => Ok(false),

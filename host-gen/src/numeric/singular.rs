@@ -1,6 +1,6 @@
 //! The largest singular value of a complex matrix, and a test for a lower bound on the smallest.
 
-use nalgebra::{Complex, Const, Dyn, OMatrix, SVector};
+use nalgebra::{Complex, Const, Dyn, OMatrix};
 use shared::LEGS;
 
 use super::six::ComplexMatrix6;
@@ -12,98 +12,170 @@ use super::six::ComplexMatrix6;
 pub fn largest_singular_value<const N: usize>(
     matrix: &OMatrix<Complex<f64>, Dyn, Const<N>>,
 ) -> f64 {
-    if !matrix.iter().all(|z| z.re.is_finite() && z.im.is_finite()) {
-        return f64::INFINITY;
+    let mut rows = vec![[[0.0; N]; 2]; matrix.nrows()];
+    for (j, column) in matrix.column_iter().enumerate() {
+        for (row, z) in rows.iter_mut().zip(column.iter()) {
+            [row[0][j], row[1][j]] = [z.re, z.im];
+        }
     }
-    let scale = matrix
-        .iter()
-        .map(|z| z.re.abs().max(z.im.abs()))
-        .fold(0.0, f64::max);
+    let Some(scale) = largest_magnitude(&rows) else {
+        return f64::INFINITY;
+    };
     if scale == 0.0 {
         return 0.0;
     }
-    // Real and imaginary part of GᴴG: real products are much faster than complex ones.
-    let (re, im) = (matrix.map(|z| z.re / scale), matrix.map(|z| z.im / scale));
-    let cross = re.transpose() * &im;
-    let real = re.transpose() * &re + im.transpose() * &im;
-    let imaginary = cross - cross.transpose();
+    // The inverse of a subnormal number can be infinite.
+    let scale = scale.max(f64::MIN_POSITIVE);
+    let inverse = 1.0 / scale;
+    for x in rows.as_flattened_mut().as_flattened_mut() {
+        *x *= inverse;
+    }
+    let square = square(&rows);
     // The start vector has a component along every eigenvector, also where symmetry decouples
     // the coordinates.
     let mut v = [0.5, 0.1].map(|least| {
-        SVector::<f64, N>::from_fn(|i, _| {
-            least + ((1.0 + i as f64) * 0.618_033_988_749_895).fract()
-        })
+        core::array::from_fn(|i| least + ((1.0 + i as f64) * 0.618_033_988_749_895).fract())
     });
-    let norm = |v: &[SVector<f64, N>; 2]| (v[0].norm_squared() + v[1].norm_squared()).sqrt();
     let length = norm(&v);
-    v.iter_mut().for_each(|part| part.unscale_mut(length));
-    let mut before = [SVector::<f64, N>::zeros(); 2];
+    v = v.map(|part| part.map(|x| x / length));
+    let mut before = [[0.0; N]; 2];
     // GᴴG in the basis built so far is tridiagonal. `beside[k]` is the off-diagonal entry
     // between rows k − 1 and k.
     let mut diagonal = [0.0; STEPS];
     let mut beside = [0.0; STEPS];
     let mut largest = 0.0;
-    let mut still = 0;
+    // An upper bound for the eigenvalues of the tridiagonal matrix.
+    let mut above = 0.0;
     for k in 0..STEPS {
-        let [x, y] = &v;
-        let image = [real * x - imaginary * y, real * y + imaginary * x];
-        diagonal[k] = image[0].dot(x) + image[1].dot(y);
-        // An upper bound for the eigenvalues of the matrix with the new row.
-        let apart = 0.5 * (largest - diagonal[k]);
-        let above = 0.5 * (largest + diagonal[k]) + (apart * apart + beside[k] * beside[k]).sqrt();
-        let next = largest_of_tridiagonal(&diagonal[..=k], &beside[1..=k], above);
-        still = if next - largest <= 1e-11 * next {
-            still + 1
-        } else {
-            0
-        };
-        largest = next;
+        let mut rest = product(&square, &v);
+        diagonal[k] = dot(&rest, &v);
+        let apart: f64 = 0.5 * (above - diagonal[k]);
+        above = 0.5 * (above + diagonal[k]) + (apart * apart + beside[k] * beside[k]).sqrt();
         // Orthogonal to the last two vectors only. Rounding brings the earlier ones back only
         // once the largest value has converged.
-        let rest: [_; 2] =
-            core::array::from_fn(|i| image[i] - v[i] * diagonal[k] - before[i] * beside[k]);
+        for part in 0..2 {
+            for i in 0..N {
+                rest[part][i] -= v[part][i] * diagonal[k] + before[part][i] * beside[k];
+            }
+        }
         let length = norm(&rest);
-        if still == 2 || length <= 1e-14 * largest || k + 1 == STEPS {
-            break;
+        let last = length <= 1e-14 * above || k + 1 == STEPS;
+        // The largest value stands still over two steps, not over one by chance.
+        if last || k >= 4 && k % 2 == 0 {
+            above = largest_of_tridiagonal(&diagonal[..=k], &beside[1..=k], above);
+            if last || above - largest <= 1e-11 * above {
+                break;
+            }
+            largest = above;
         }
         beside[k + 1] = length;
         before = v;
-        v = rest.map(|part| part / length);
+        let inverse = 1.0 / length;
+        v = rest.map(|part| part.map(|x| x * inverse));
     }
-    scale * largest.sqrt()
+    scale * above.sqrt()
 }
 
 /// Limit on Lanczos steps, far more than matrices of at most 24 columns need.
 const STEPS: usize = 48;
 
+/// A complex vector: the real parts of its `N` entries, then the imaginary parts. Loops over
+/// either take vector registers, as those over complex numbers do not.
+type Parts<const N: usize> = [[f64; N]; 2];
+
+/// The largest magnitude of a real or imaginary part; none if one is not finite.
+fn largest_magnitude<const N: usize>(rows: &[Parts<N>]) -> Option<f64> {
+    let mut largest = [0.0; N];
+    // Zero, or NaN if any number is not finite.
+    let mut zero = [0.0; N];
+    for part in rows.as_flattened() {
+        for j in 0..N {
+            let size = part[j].abs();
+            largest[j] = if size > largest[j] { size } else { largest[j] };
+            zero[j] += 0.0 * size;
+        }
+    }
+    zero.iter()
+        .all(|x| *x == 0.0)
+        .then(|| largest.into_iter().fold(0.0, f64::max))
+}
+
+/// The rows of GᴴG; `rows` are those of G.
+fn square<const N: usize>(rows: &[Parts<N>]) -> [Parts<N>; N] {
+    let mut square = [[[0.0; N]; 2]; N];
+    for i in 0..N {
+        let mut real = [0.0; N];
+        let mut imaginary = [0.0; N];
+        for [re, im] in rows {
+            let (a, b) = (re[i], im[i]);
+            for j in 0..N {
+                real[j] += a * re[j] + b * im[j];
+                imaginary[j] += a * im[j] - b * re[j];
+            }
+        }
+        square[i] = [real, imaginary];
+    }
+    square
+}
+
+/// The product of a Hermitian matrix and a vector.
+fn product<const N: usize>(matrix: &[Parts<N>; N], [x, y]: &Parts<N>) -> Parts<N> {
+    let mut sums = [[0.0; N]; 2];
+    for i in 0..N {
+        // Column i is the conjugate of row i.
+        let [real, imaginary] = &matrix[i];
+        for j in 0..N {
+            sums[0][j] += real[j] * x[i] + imaginary[j] * y[i];
+            sums[1][j] += real[j] * y[i] - imaginary[j] * x[i];
+        }
+    }
+    sums
+}
+
+/// The real part of aᴴ·b.
+fn dot<const N: usize>(a: &Parts<N>, b: &Parts<N>) -> f64 {
+    let products: [f64; N] = core::array::from_fn(|i| a[0][i] * b[0][i] + a[1][i] * b[1][i]);
+    products.iter().sum()
+}
+
+fn norm<const N: usize>(v: &Parts<N>) -> f64 {
+    dot(v, v).sqrt()
+}
+
 /// The largest eigenvalue of a symmetric tridiagonal matrix with the off-diagonal entries
-/// `beside`.
+/// `beside`, all far below 10⁶.
 ///
-/// Newton's iteration on the characteristic polynomial starts at the upper bound `above`. All
-/// roots are real, so it descends to the largest root and does not overshoot.
+/// Laguerre's iteration on the characteristic polynomial starts at the upper bound `above`. All
+/// roots are real, so it descends to the largest root and does not overshoot. The polynomial and
+/// its derivatives come from the recurrence of the leading minors, without a division.
 fn largest_of_tridiagonal(diagonal: &[f64], beside: &[f64], above: f64) -> f64 {
+    let n = diagonal.len() as f64;
     let mut x = above;
     for _ in 0..60 {
-        // Pivots of x − T, and the sum of their logarithmic derivatives.
-        let mut lowest = x - diagonal[0];
-        let mut inverse = 1.0 / lowest;
-        let mut slope = 1.0;
-        let mut sum = inverse;
+        // A leading minor of x − T with its first and second derivative, and the one before it.
+        let mut minor = [x - diagonal[0], 1.0, 0.0];
+        let mut before = [1.0, 0.0, 0.0];
+        let mut positive = minor[0] > 0.0;
         for (d, b) in diagonal[1..].iter().zip(beside) {
-            let ratio = b * inverse;
-            slope = 1.0 + ratio * ratio * slope;
-            let pivot = x - d - b * ratio;
-            lowest = lowest.min(pivot);
-            inverse = 1.0 / pivot;
-            sum += slope * inverse;
+            let (u, square) = (x - d, b * b);
+            let next = [
+                u * minor[0] - square * before[0],
+                u * minor[1] + minor[0] - square * before[1],
+                u * minor[2] + 2.0 * minor[1] - square * before[2],
+            ];
+            (before, minor) = (minor, next);
+            positive &= minor[0] > 0.0;
         }
         // At the root, or below it by rounding.
-        if !(sum.is_finite() && lowest > 0.0) {
+        if !positive {
             break;
         }
-        let step = 1.0 / sum;
+        let slope = minor[1] / minor[0];
+        let bend = slope * slope - minor[2] / minor[0];
+        let root = ((n - 1.0) * (n * bend - slope * slope)).max(0.0).sqrt();
+        let step = n / (slope + root);
         x -= step;
-        if step <= 1e-14 * x {
+        if step.is_nan() || step <= 1e-14 * x {
             break;
         }
     }

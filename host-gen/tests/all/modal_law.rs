@@ -298,8 +298,7 @@ fn a_delay_of_d_samples_takes_d_coefficients() {
             let mut board = study.machine().board;
             board.latch_delay = latch_delay;
             board.actuator_bandwidth = bandwidth;
-            // Lags at one frequency would be a double pole, which partial fractions do not have.
-            board.sensor.bandwidth = bandwidth.map(|hz| 1.5 * hz);
+            board.sensor.bandwidth = bandwidth;
             let plant = SampledPlant::new(study.plant().plant.clone(), &board);
             let law = LinearLaw::new(table).with_gain(0.05);
             assert_eq!(plant.seen_delay(), delay);

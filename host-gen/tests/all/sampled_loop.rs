@@ -79,6 +79,9 @@ fn sampling_is_exact() {
         ("acceleration", 0.0, None),
         ("acceleration", 50e-6, Some((2e3, 5e3))),
         ("force", 20e-6, Some((700.0, 9e3))),
+        // A double pole, and one that is nearly double.
+        ("acceleration", 20e-6, Some((3e3, 3e3))),
+        ("force", 50e-6, Some((3e3, 3e3 * (1.0 + 1e-12)))),
     ] {
         let mut text = vec![
             ("control.feedback", format!("\"{feedback}\"")),

@@ -29,7 +29,7 @@ use crate::control::law::{ac_coupling, channel_response};
 use crate::control::shape::{Filter, Resonance};
 use crate::control::{Shape, table};
 use crate::design::Study;
-use crate::machine::{DESIGN_SAMPLES, FeedbackKind, Minimise, Target};
+use crate::machine::{FeedbackKind, Minimise, Target};
 use crate::model::design_model::alike;
 use crate::numeric::frequencies::grid;
 use crate::numeric::quadrature::nodes;
@@ -49,8 +49,8 @@ pub(super) struct Synthesis<'a> {
     pub(super) isolation: f64,
     /// Centre and half width, Hz, of peaks that a fast loop may have beside those of the plant.
     pub(super) sharp: &'a [(f64, f64)],
-    /// Whether the design must also hold on perturbed machines.
-    pub(super) perturbed: bool,
+    /// The perturbed machines on which the design must also hold.
+    pub(super) drawn: &'a [Option<Study>],
     pub(super) progress: &'a dyn Progress,
 }
 
@@ -101,11 +101,7 @@ impl Synthesis<'_> {
                 Some(problem.parameters.shapes(&x[..n]))
             });
         }
-        let set = if self.perturbed {
-            self.drawn()
-        } else {
-            Vec::new()
-        };
+        let set = self.drawn();
         let limits = problem.limits;
         let mut found = None;
         for round in 0..ROUNDS {
@@ -113,7 +109,7 @@ impl Synthesis<'_> {
                 break;
             };
             problem.limits = limits;
-            let (highest, close) = problem.close_to_limits(&set, &x[..n]);
+            let (highest, beyond) = problem.exceeded(&set, &x[..n]);
             found = Some(x);
             if highest <= 1.0 {
                 break;
@@ -122,7 +118,7 @@ impl Synthesis<'_> {
             if round == 0 && highest < NEARLY {
                 problem.limits = limits.scaled(0.99 / highest);
             } else {
-                problem.beside.extend(close);
+                problem.beside.extend(beyond);
             }
         }
         let rounded: Vec<f64> = found?[..n]
@@ -160,15 +156,13 @@ impl Synthesis<'_> {
 
     /// The points of the loops of the perturbed machines on which a design must hold.
     fn drawn<const K: usize>(&self) -> Vec<Vec<Point<K>>> {
-        let machine = self.study.machine();
         let transform = ModalTransform::new(self.study.design_model());
-        (0..DESIGN_SAMPLES.min(machine.robustness.samples))
-            .into_par_iter()
-            .filter_map(|i| {
-                let study = Study::new(machine.drawn(i)).ok()?;
-                let mut points = self.points(&study, &transform);
+        let studies = self.drawn.par_iter().flatten();
+        studies
+            .map(|study| {
+                let mut points = self.points(study, &transform);
                 points.retain(Point::is_of_loop);
-                Some(points)
+                points
             })
             .collect()
     }
@@ -328,6 +322,7 @@ impl Synthesis<'_> {
                 }),
             )
         };
+        let limit = |limit: f64, level: Option<usize>| Goal::Below { limit, level };
         let identity = ComplexMatrix6::identity();
         let low = SLOWEST * self.target.frequency;
         let mut points: Vec<Point<K>> = grid(low, 0.5 / period, LOOP_POINTS, &peaks)
@@ -345,12 +340,12 @@ impl Synthesis<'_> {
         let [_, high] = isolation_band(model, self.target.frequency);
         let whole = plant.rigid_floor.map(Complex::from);
         for hz in grid(self.isolation, high.max(1.1 * self.isolation), 60, &peaks) {
-            points.push(seen(plant.whole(), whole, hz, Goal::Below(FRAC_1_SQRT_2)));
+            points.push(seen(plant.whole(), whole, hz, limit(FRAC_1_SQRT_2, None)));
         }
         let mut band = |low: f64, high: f64, count: usize, reference_db: f64, index: usize| {
             let reference = 10f64.powf(reference_db / 20.0);
             for hz in grid(low, high, count, &peaks) {
-                let goal = Goal::BelowLevel(reference, index);
+                let goal = limit(reference, Some(index));
                 points.push(seen(plant.performance(), identity, hz, goal));
             }
         };

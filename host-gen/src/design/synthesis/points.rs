@@ -69,10 +69,8 @@ fn largest(blocks: &[ComplexMatrix6]) -> f64 {
 /// What a term wants of an output.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Goal {
-    /// σ_max(V) below a limit.
-    Below(f64),
-    /// σ_max(V) below a limit times the exponential of a level, by its index.
-    BelowLevel(f64, usize),
+    /// σ_max(V) below `limit`, times the exponential of a level if it has one, by its index.
+    Below { limit: f64, level: Option<usize> },
     /// weight·‖V‖² as a part of the mean square.
     Square(f64),
 }
@@ -118,6 +116,35 @@ impl Limits {
     }
 }
 
+/// By what limits are multiplied.
+#[derive(Clone, Copy)]
+pub(super) struct Widening<'a> {
+    /// Whether level 0 also widens the limits that have no level of their own.
+    pub(super) all: bool,
+    /// The logarithms of factors.
+    pub(super) levels: &'a [f64],
+}
+
+impl Widening<'_> {
+    /// The factor of limits without a level of their own.
+    fn factor(self) -> f64 {
+        if self.all { self.levels[0].exp() } else { 1.0 }
+    }
+
+    /// The level of a limit with its own level `own` or none.
+    fn level(self, own: Option<usize>) -> Option<usize> {
+        own.or(self.all.then_some(0))
+    }
+
+    /// The widened `limit` with its own level `own` or none.
+    fn limit(self, limit: f64, own: Option<usize>) -> f64 {
+        limit
+            * self
+                .level(own)
+                .map_or(1.0, |level| self.levels[level].exp())
+    }
+}
+
 /// What a point adds.
 pub(super) struct PointCost<const K: usize> {
     pub(super) terms: Curvature<K>,
@@ -148,9 +175,9 @@ impl<const K: usize> Point<K> {
     pub(super) fn level(&self) -> Option<usize> {
         match &self.purpose {
             Purpose::Output(Output {
-                goal: Goal::BelowLevel(_, index),
+                goal: Goal::Below { level, .. },
                 ..
-            }) => Some(*index),
+            }) => *level,
             _ => None,
         }
     }
@@ -184,7 +211,6 @@ impl<const K: usize> Point<K> {
         s: &ComplexMatrix6,
         openings: &Openings,
         limits: Limits,
-        slack: f64,
         mut each: impl FnMut(Bounded<'_, K>) -> bool,
     ) -> bool {
         let Purpose::Loop { roll_off } = self.purpose else {
@@ -197,12 +223,12 @@ impl<const K: usize> Point<K> {
             v: from_ref(s),
             p: from_ref(s),
             q: &q,
-            limit: limits.modes * slack,
+            limit: limits.modes,
         }) || !each(Bounded {
             v: &[product(&legs, out_inverse)],
             p: &[legs],
             q: &product(&q, out_inverse),
-            limit: limits.elsewhere * slack,
+            limit: limits.elsewhere,
         }) {
             return false;
         }
@@ -211,7 +237,7 @@ impl<const K: usize> Point<K> {
                 v: &[ComplexMatrix6::identity() - s],
                 p: &[-s],
                 q: &q,
-                limit: roll_off * limits.roll_off * slack,
+                limit: roll_off * limits.roll_off,
             })
         {
             return false;
@@ -235,21 +261,19 @@ impl<const K: usize> Point<K> {
                     v: &[product(inverse, &rows(&rest))],
                     p: &[product(inverse, &rows(&q))],
                     q: &rest,
-                    limit: limits.elsewhere * slack,
+                    limit: limits.elsewhere,
                 })
             })
     }
 
     /// The costs of this point at the channel gains `c`, with derivatives; none if a limit is
-    /// passed. The limits of the loop are multiplied by `slack`, whose logarithm is level 0 if
-    /// `slacked`. `levels` are the logarithms by which limits of levels are multiplied.
+    /// passed.
     pub(super) fn cost(
         &self,
         c: &[Complex<f64>; K],
         openings: &Openings,
         limits: Limits,
-        slacked: bool,
-        levels: &[f64],
+        widening: Widening<'_>,
     ) -> Option<PointCost<K>> {
         let (determinant, s) = self.sensitivity(c)?;
         let mut cost = PointCost {
@@ -258,17 +282,21 @@ impl<const K: usize> Point<K> {
             square: Curvature::zero(),
             determinant: None,
         };
-        let slack = if slacked { levels[0].exp() } else { 1.0 };
         match &self.purpose {
             Purpose::Loop { .. } => {
-                let mut level = slacked.then(LevelCurvature::zero);
+                let index = widening.level(None);
+                let mut level = index.map(|_| LevelCurvature::zero());
                 let terms = &mut cost.terms;
-                if !self.bounded(c, &s, openings, limits, slack, |bounded| {
-                    bounded.add(c, terms, level.as_mut())
-                }) {
+                if !self.bounded(
+                    c,
+                    &s,
+                    openings,
+                    limits.scaled(widening.factor()),
+                    |bounded| bounded.add(c, terms, level.as_mut()),
+                ) {
                     return None;
                 }
-                cost.level = level.map(|level| (0, level));
+                cost.level = index.zip(level);
                 cost.determinant = Some(determinant);
             }
             Purpose::Output(output) => {
@@ -281,8 +309,9 @@ impl<const K: usize> Point<K> {
                         add_square(c, weight, &v, &p, &q, &mut cost.square);
                         return Some(cost);
                     }
-                    Goal::Below(limit) => (limit * slack, slacked.then_some(0)),
-                    Goal::BelowLevel(limit, index) => (limit * levels[index].exp(), Some(index)),
+                    Goal::Below { limit, level } => {
+                        (widening.limit(limit, level), widening.level(level))
+                    }
                 };
                 let mut level = index.map(|_| LevelCurvature::zero());
                 let bounded = Bounded {
@@ -307,14 +336,13 @@ impl<const K: usize> Point<K> {
         c: &[Complex<f64>; K],
         openings: &Openings,
         limits: Limits,
-        slacked: bool,
-        levels: &[f64],
+        widening: Widening<'_>,
     ) -> Option<(f64, f64, Option<Complex<f64>>)> {
         let (determinant, s) = self.sensitivity(c)?;
-        let slack = if slacked { levels[0].exp() } else { 1.0 };
         let mut sum = 0.0;
         let Purpose::Output(output) = &self.purpose else {
-            let inside = self.bounded(c, &s, openings, limits, slack, |bounded| {
+            let limits = limits.scaled(widening.factor());
+            let inside = self.bounded(c, &s, openings, limits, |bounded| {
                 bounded.value().is_some_and(|value| {
                     sum += value;
                     true
@@ -328,8 +356,7 @@ impl<const K: usize> Point<K> {
                 let square: f64 = v.iter().map(ComplexMatrix6::norm_squared).sum();
                 return Some((0.0, weight * square, None));
             }
-            Goal::Below(limit) => limit * slack,
-            Goal::BelowLevel(limit, index) => limit * levels[index].exp(),
+            Goal::Below { limit, level } => widening.limit(limit, level),
         };
         let bounded = Bounded {
             v: &v,
@@ -349,13 +376,13 @@ impl<const K: usize> Point<K> {
         let mut highest = 0.0_f64;
         match &self.purpose {
             Purpose::Loop { .. } => {
-                self.bounded(c, &s, openings, limits, 1.0, |bounded| {
+                self.bounded(c, &s, openings, limits, |bounded| {
                     highest = highest.max(largest(bounded.v) / bounded.limit);
                     true
                 });
             }
             Purpose::Output(output) => {
-                if let Goal::Below(limit) | Goal::BelowLevel(limit, _) = output.goal {
+                if let Goal::Below { limit, .. } = output.goal {
                     let v = output.motion(&product(&s, &times(c, &output.to_modes)));
                     highest = largest(&v) / limit;
                 }

@@ -9,7 +9,7 @@ use shared::supervisor::GENTLE;
 
 use super::barrier::{Curvature, LevelCurvature};
 use super::parameters::{GroupFilters, MOST_PER_GROUP, Parameters};
-use super::points::{Goal, Limits, Openings, Point, PointCost, Purpose};
+use super::points::{Goal, Limits, Openings, Point, PointCost, Purpose, Widening};
 
 /// What the variables are besides the parameters, and what is minimised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,9 +47,6 @@ const MEAN: f64 = 0.5;
 
 /// Limits on a part of the points, as a part of those on all.
 const BETWEEN: f64 = 0.97;
-
-/// A part of a limit that is close to it.
-const CLOSE: f64 = 1.0;
 
 /// Gains of the soft start that are tried, evenly spaced in the logarithm.
 const SOFT: usize = 13;
@@ -210,7 +207,8 @@ impl<const K: usize> Problem<K> {
         match &point.purpose {
             Purpose::Loop { .. } => true,
             Purpose::Output(output) => {
-                stage == Stage::Performance || matches!(output.goal, Goal::Below(_))
+                let own = matches!(output.goal, Goal::Below { level: None, .. });
+                stage == Stage::Performance || own
             }
         }
     }
@@ -279,6 +277,13 @@ impl<const K: usize> Problem<K> {
         &x[self.parameters.count()..]
     }
 
+    fn widening<'x>(&self, stage: Stage, x: &'x [f64]) -> Widening<'x> {
+        Widening {
+            all: stage == Stage::Feasibility,
+            levels: self.levels(x),
+        }
+    }
+
     /// The cost at the variables `x`, with derivatives; none if a limit is passed or a loop is
     /// unstable. `weight` multiplies what is minimised.
     pub(super) fn expand(&self, stage: Stage, weight: f64, x: &[f64]) -> Option<Expansion> {
@@ -286,8 +291,7 @@ impl<const K: usize> Problem<K> {
         let mut total = self.sides(stage, weight, x)?;
         let filters = self.parameters.filters(&x[..self.parameters.count()]);
         let squares = self.levels == 0 && stage == Stage::Performance;
-        let slacked = stage == Stage::Feasibility;
-        let levels = self.levels(x);
+        let widening = self.widening(stage, x);
         let slots = self.slots();
         let mut square = squares.then(|| Expansion::zero(n));
         let chunk = |points: &[Point<K>]| -> Option<Sums> {
@@ -303,13 +307,7 @@ impl<const K: usize> Problem<K> {
                     level,
                     square,
                     determinant,
-                } = point.cost(
-                    &channels.gains,
-                    &self.openings,
-                    self.limits,
-                    slacked,
-                    levels,
-                )?;
+                } = point.cost(&channels.gains, &self.openings, self.limits, widening)?;
                 self.chain(&mut sums.terms, &slots, &channels, &terms);
                 if let Some(level) = &level {
                     self.chain_level(&mut sums.terms, &slots, &channels, level);
@@ -353,14 +351,13 @@ impl<const K: usize> Problem<K> {
     pub(super) fn value(&self, stage: Stage, weight: f64, x: &[f64]) -> Option<f64> {
         let mut total = self.sides(stage, weight, x)?.value;
         let filters = self.parameters.filters(&x[..self.parameters.count()]);
-        let slacked = stage == Stage::Feasibility;
-        let levels = self.levels(x);
+        let widening = self.widening(stage, x);
         let value = |points: &[Point<K>]| {
             let mut all = Vec::with_capacity(points.len());
             for point in points.iter().filter(|point| Self::counts(stage, point)) {
                 let gains = self.channels(&filters, point).gains;
                 let (openings, limits) = (&self.openings, self.limits);
-                all.push(point.value(&gains, openings, limits, slacked, levels)?);
+                all.push(point.value(&gains, openings, limits, widening)?);
             }
             Some(all)
         };
@@ -440,20 +437,20 @@ impl<const K: usize> Problem<K> {
     }
 
     /// The largest factor by which the loops of the machines of `set` exceed a limit with the
-    /// parameters `x`, and the points at which they are close to one. This does not tell whether they are stable.
-    pub(super) fn close_to_limits(&self, set: &[Vec<Point<K>>], x: &[f64]) -> (f64, Vec<Point<K>>) {
+    /// parameters `x`, and the points at which they do. This does not tell whether they are stable.
+    pub(super) fn exceeded(&self, set: &[Vec<Point<K>>], x: &[f64]) -> (f64, Vec<Point<K>>) {
         let filters = self.parameters.filters(x);
         let of_one = |points: &Vec<Point<K>>| {
             let mut highest = 0.0;
-            let mut close = Vec::new();
+            let mut beyond = Vec::new();
             for point in points {
                 let excess = self.excess_at(&filters, point);
                 highest = f64::max(highest, excess);
-                if excess > CLOSE {
-                    close.push(point.clone());
+                if excess > 1.0 {
+                    beyond.push(point.clone());
                 }
             }
-            (highest, close)
+            (highest, beyond)
         };
         let all: Vec<_> = set.par_iter().map(of_one).collect();
         let highest = all.iter().map(|(highest, _)| *highest).fold(0.0, f64::max);
@@ -481,7 +478,9 @@ impl<const K: usize> Problem<K> {
         let points = self.points.iter().enumerate();
         let points = points.filter(|(i, point)| match &point.purpose {
             Purpose::Loop { .. } => i % stride == 0,
-            Purpose::Output(output) => with_levels || matches!(output.goal, Goal::Below(_)),
+            Purpose::Output(output) => {
+                with_levels || matches!(output.goal, Goal::Below { level: None, .. })
+            }
         });
         Self {
             parameters: self.parameters.clone(),
@@ -519,7 +518,7 @@ mod tests {
             reference_db: &[-40.0, -10.0],
             isolation: 1.4,
             sharp: &[],
-            perturbed: false,
+            drawn: &[],
             progress: &(),
         };
         let problem = synthesis.problem::<K>().thinned(2, true);
