@@ -29,14 +29,13 @@ impl Lagged {
             direct: plant.state_space.d.clone(),
             slow: plant.slow.clone(),
         };
-        let mut before: Vec<_> = plant.poles.iter().map(|pole| pole.lambda).collect();
-        let amplifier = board.actuator_bandwidth.map(|hz| apart(TAU * hz, &before));
-        before.extend(amplifier.map(|a| Complex::from(-a)));
+        let amplifier = board.actuator_bandwidth.map(|hz| TAU * hz);
         let kinds = [Some(board.sensor), board.beside].into_iter().flatten();
         let bandwidths = kinds.map(|sensor| sensor.bandwidth).enumerate();
         let lags: Vec<_> = bandwidths
-            .filter_map(|(kind, hz)| Some((kind * LEGS, apart(TAU * hz?, &before))))
+            .filter_map(|(kind, hz)| Some((kind * LEGS, TAU * hz?)))
             .collect();
+        let (amplifier, lags) = distinct(amplifier, lags, &plant.poles);
         let [value, slope] = &mut lagged.slow;
         // The value and slope of a lag: a/(s + a) = 1 − s/a + ….
         if let Some(a) = amplifier {
@@ -104,20 +103,35 @@ impl Lagged {
     }
 }
 
-/// The corner `a` of a lag, rad/s, moved away from the `poles` before it as far as partial fractions
-/// need.
+/// The corners, rad/s, of the amplifier's lag and of the sensors', moved apart where partial fractions
+/// need it: poles that are equal have none, and of poles that are close the residues cancel.
 ///
-/// Poles that are equal have no partial fractions, and the residues of poles that are close cancel:
-/// of two, half the digits at a relative distance of 3e-8, which is also the change of the response.
-fn apart(mut a: f64, poles: &[Complex<f64>]) -> f64 {
-    let within = |a: f64, part: f64| {
-        let near = poles.iter().filter(|pole| (*pole + a).norm() < part * a);
-        near.count()
-    };
-    // Residues of three close poles go with the square of the distance.
-    let room = if within(a, 1e-3) > 1 { 1e-5 } else { 3e-8 };
-    while within(a, room) > 0 {
-        a *= 1.0 + room;
+/// An amplifier and a sensor move in opposite directions, so that their product stays the same to
+/// second order, 1e-10. A lag at a pole of the machine moves by a millionth.
+fn distinct(
+    mut amplifier: Option<f64>,
+    mut lags: Vec<(usize, f64)>,
+    poles: &[PlantPole],
+) -> (Option<f64>, Vec<(usize, f64)>) {
+    const APART: f64 = 1e-5;
+    const FROM_POLES: f64 = 1e-6;
+    if let Some(amplifier) = &mut amplifier {
+        let close = |a: f64| (a - *amplifier).abs() < APART * a;
+        if lags.iter().any(|(_, a)| close(*a)) {
+            *amplifier *= 1.0 - APART;
+            for (_, a) in &mut lags {
+                *a /= 1.0 - APART;
+            }
+        }
     }
-    a
+    let near = |a: f64| {
+        let close = |pole: &PlantPole| (pole.lambda + a).norm() < FROM_POLES * a;
+        poles.iter().any(close)
+    };
+    for a in amplifier.iter_mut().chain(lags.iter_mut().map(|(_, a)| a)) {
+        while near(*a) {
+            *a *= 1.0 + FROM_POLES;
+        }
+    }
+    (amplifier, lags)
 }

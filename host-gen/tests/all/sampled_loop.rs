@@ -120,8 +120,13 @@ fn sampling_is_exact() {
             let response = study.plant().response(hz);
             let near = |what: &str, expected: DMatrix<Complex<f64>>, found: Gain| {
                 let error = (&expected - found).camax() / expected.camax();
+                // Corners that coincide are moved by 1e-5 of themselves; aliases add up.
+                let allowed = match lags {
+                    Some((actuator, sensor)) if sensor < 1.01 * actuator => 2e-5,
+                    _ => 1e-7,
+                };
                 assert!(
-                    error < 1e-7,
+                    error < allowed,
                     "{what}, {feedback}, {latch} s, {lags:?}, {hz} Hz: {error:.1e}"
                 );
             };
@@ -155,6 +160,35 @@ fn sampling_is_exact() {
                 g.view((6, 6), (outputs - 6, 6)) * hold,
                 response.from_legs(6..outputs),
             );
+        }
+    }
+}
+
+/// A machine with so much damping that it has real poles, and lags at one of them: the plant is that
+/// with lags a thousandth beside it.
+#[test]
+fn a_lag_may_be_at_a_pole_of_the_machine() {
+    let with_lag = |factor: f64, actuator: bool| {
+        let damped = ("profiles.leg.damper", "1e6".to_owned());
+        let plain = study(&edited(&[(damped.0, &damped.1)]));
+        let poles = plain.plant().plant.poles.iter().map(|pole| pole.lambda);
+        let pole = poles.filter(|pole| pole.im == 0.0).map(|pole| -pole.re);
+        let hz = factor * pole.fold(0.0, f64::max) / TAU;
+        let mut text = vec![damped, ("board.accelerometer.bandwidth", format!("{hz:?}"))];
+        if actuator {
+            text.push(("board.actuator.bandwidth", format!("{hz:?}")));
+        }
+        let edits: Vec<_> = text.iter().map(|(key, value)| (*key, &**value)).collect();
+        study(&edited(&edits))
+    };
+    for actuator in [false, true] {
+        let [at, beside] = [1.0, 1.001].map(|factor| with_lag(factor, actuator));
+        for hz in [1.0, 30.0, 400.0, 8000.0] {
+            let [at, beside] = [&at, &beside].map(|study| study.plant().response(hz).g22());
+            let apart = (at - &beside).camax() / beside.camax();
+            // Two lags of which each moves by a thousandth, and their aliases.
+            assert!(apart < 3e-3, "{actuator} {hz} Hz: {apart:.1e}");
+            assert!(apart > 1e-9, "{actuator} {hz} Hz: nothing changed");
         }
     }
 }
