@@ -238,14 +238,17 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
     ])?;
     let samples = if full { FULL_SAMPLES } else { QUICK_SAMPLES };
     let mut frames = built("frames");
-    let mut others = vec![Step::new("page in a browser", [page_command()])];
+    let mut host = vec![
+        Step::new("unit and integration tests", [testing()]),
+        Step::new("page in a browser", [page_command()]),
+    ];
     if full {
         frames.args(["--frames", &FULL_FRAMES.to_string()]);
         let mut pairs = built("host-gen");
         pairs.args(["campaign", MODEL, "--pairs", "--format", "json"]);
-        others.push(Step::new("pairs of faults", [pairs]));
+        host.push(Step::new("pairs of faults", [pairs]));
     }
-    others.push(Step::new("bad frames", [frames]));
+    host.push(Step::new("bad frames", [frames]));
     // The session on the host alone first: one that cannot pass is known in a second.
     let alone = sessions(samples, full, None);
     let boards = sessions(samples, full, Some(&tools));
@@ -256,10 +259,7 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
             Step::new("scenes", [virtual_board::scenes(&image, full)?]),
             Step::new("documents", [docs_command(None)?]),
         ],
-        [Step::new("unit and integration tests", [testing()])]
-            .into_iter()
-            .chain(others)
-            .collect(),
+        host,
     ])?;
     if full {
         book(setup)?;

@@ -104,7 +104,7 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
     // By sensor: rms of its noise and the ADC's together; and a motion, equal
     // accelerations in all modes with the forces that belong to them.
     let mut noise = Vec::new();
-    for sensor in [Some(board.sensor), board.beside].into_iter().flatten() {
+    for sensor in board.fed_back() {
         let adc = board.adc_noise.hypot(board.adc.lsb() / 12f64.sqrt());
         let rms = (sensor.noise_density * nyquist).hypot(adc / sensor.sensitivity);
         noise.extend([rms; LEGS]);

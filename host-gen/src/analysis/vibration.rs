@@ -334,9 +334,8 @@ impl Noise {
         let nyquist = 0.5 * board.sample_rate;
         let rounding = |lsb: f64| lsb * lsb / 12.0;
         let adc = (board.adc_noise.powi(2) + rounding(board.adc.lsb())) / nyquist;
-        let (sensors, adc): (Vec<_>, Vec<_>) = [Some(board.sensor), board.beside]
-            .into_iter()
-            .flatten()
+        let (sensors, adc): (Vec<_>, Vec<_>) = board
+            .fed_back()
             .flat_map(|sensor| {
                 let powers = (
                     sensor.noise_density.powi(2),

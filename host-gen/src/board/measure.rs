@@ -221,7 +221,6 @@ pub fn amplitude(study: &Study, table: &ValidTable, law: Option<&LinearLaw>, per
     let [low, high] = machine.simulation.floor_band;
     let apart = rate * f64::from(APART) / f64::from(period);
     let floor = machine.simulation.floor_rms.powi(2) / (high - low) * apart;
-    let kinds = [Some(board.sensor), board.beside];
     for leg in 0..LEGS {
         if law.is_some() {
             for i in 0..LEGS {
@@ -231,8 +230,7 @@ pub fn amplitude(study: &Study, table: &ValidTable, law: Option<&LinearLaw>, per
                 most = most.min(f64::from(t.supervision.level) * force_limit(t) / rms);
             }
         }
-        for (kind, sensor) in kinds.into_iter().enumerate() {
-            let Some(sensor) = sensor else { continue };
+        for (kind, sensor) in board.fed_back().enumerate() {
             let rows: [usize; LEGS] = core::array::from_fn(|i| kind * LEGS + i);
             for i in rows {
                 let motion = peak(&|line| line.sensors[(i, leg)]);

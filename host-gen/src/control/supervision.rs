@@ -37,18 +37,14 @@ pub fn supervision(machine: &Machine) -> Supervision {
     let board = &machine.board;
     // Validation of the machine has checked that the times fit.
     let samples = |seconds: f64| (seconds * board.sample_rate).round() as u32;
-    let kinds = [Some(board.sensor), board.beside];
-    let quiet = kinds
-        .into_iter()
-        .flatten()
-        .any(|sensor| noise(board, sensor) < QUIET);
+    let quiet = board.fed_back().any(|sensor| noise(board, sensor) < QUIET);
     Supervision {
         ramp: f64::from(GENTLE).powf(-1.0 / (s.soft_start * board.sample_rate)) as f32,
         settle: samples(s.settle),
         safe_ramp: samples(s.safe_ramp),
         rail: samples(s.rail),
         stuck: samples(s.stuck.unwrap_or(if quiet { 0.0 } else { 0.1 })),
-        spike: kinds.map(|kind| {
+        spike: [Some(board.sensor), board.beside].map(|kind| {
             let noise = kind.map_or(0.0, |sensor| noise(board, sensor));
             // The conversion saturates at the ends of the range.
             let least = (SPIKE * noise).max(LEAST_SPIKE) as u16;
@@ -113,16 +109,14 @@ pub fn self_test(machine: &Machine, plant: &SampledPlant) -> SelfTest {
     };
     let watch = (s.pilot_time * board.sample_rate).round();
     let pilot = s.pilot.unwrap_or_else(|| {
-        let kinds = [Some(board.sensor), board.beside];
-        let needed = kinds.into_iter().enumerate().filter_map(|(kind, sensor)| {
+        let needed = board.fed_back().enumerate().map(|(kind, sensor)| {
             // White noise of n²/Hz gives a phasor measured with a Hann window over T the variance
             // 3·n²/T.
-            let sensor = sensor?;
             let square = sensor_noise(board, sensor).powi(2) / (0.5 * board.sample_rate);
             let noise = (LEGS as f64 * 3.0 * square / s.pilot_time).sqrt();
             let rows = gain.rows(kind * LEGS, LEGS);
             let weakest = rows.column_iter().map(|leg| leg.norm());
-            Some(AUDIBLE * noise / weakest.fold(f64::INFINITY, f64::min))
+            AUDIBLE * noise / weakest.fold(f64::INFINITY, f64::min)
         });
         needed
             .fold(0.0, f64::max)

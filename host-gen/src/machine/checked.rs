@@ -279,6 +279,12 @@ impl Board {
     pub fn whole_delay(&self) -> f64 {
         self.latch_delay + 0.5 * self.period()
     }
+
+    /// The sensors that are fed back, by kind: [`sensor`](Self::sensor), then
+    /// [`beside`](Self::beside).
+    pub fn fed_back(&self) -> impl Iterator<Item = Sensor> {
+        [Some(self.sensor), self.beside].into_iter().flatten()
+    }
 }
 
 /// How machines are perturbed for the Monte Carlo run; all distributions are uniform.

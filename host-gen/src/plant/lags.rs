@@ -30,8 +30,7 @@ impl Lagged {
             slow: plant.slow.clone(),
         };
         let amplifier = board.actuator_bandwidth.map(|hz| TAU * hz);
-        let kinds = [Some(board.sensor), board.beside].into_iter().flatten();
-        let bandwidths = kinds.map(|sensor| sensor.bandwidth).enumerate();
+        let bandwidths = board.fed_back().map(|sensor| sensor.bandwidth).enumerate();
         let lags: Vec<_> = bandwidths
             .filter_map(|(kind, hz)| Some((kind * LEGS, TAU * hz?)))
             .collect();
@@ -116,8 +115,8 @@ fn distinct(
     const APART: f64 = 1e-5;
     const FROM_POLES: f64 = 1e-6;
     if let Some(amplifier) = &mut amplifier {
-        let close = |a: f64| (a - *amplifier).abs() < APART * a;
-        if lags.iter().any(|(_, a)| close(*a)) {
+        // Again if that brings them to the other kind of sensors.
+        while lags.iter().any(|(_, a)| (a - *amplifier).abs() < APART * a) {
             *amplifier *= 1.0 - APART;
             for (_, a) in &mut lags {
                 *a /= 1.0 - APART;

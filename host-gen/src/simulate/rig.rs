@@ -80,7 +80,6 @@ impl Rig {
             let rms = sensor.noise_density * (0.5 * board.sample_rate).sqrt();
             (sensor, (rms * sensor.sensitivity).hypot(board.adc_noise))
         };
-        let kinds = [Some(board.sensor), board.beside];
         let blank = |rows: usize| vec![[0.0; BLOCK]; rows.div_ceil(BLOCK)];
         Self {
             state: blank(output.ncols()),
@@ -99,7 +98,7 @@ impl Rig {
             within,
             forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
             floor_noise: BandNoise::new(settings, plant.period, stream(0)),
-            kinds: kinds.into_iter().flatten().map(kind).collect(),
+            kinds: board.fed_back().map(kind).collect(),
             sensor_noise: stream(1),
             output_noise: stream(2),
             floor: [[0.0; LEGS]; 2],

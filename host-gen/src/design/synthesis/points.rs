@@ -126,22 +126,15 @@ pub(super) struct Widening<'a> {
 }
 
 impl Widening<'_> {
-    /// The factor of limits without a level of their own.
-    fn factor(self) -> f64 {
-        if self.all { self.levels[0].exp() } else { 1.0 }
-    }
-
     /// The level of a limit with its own level `own` or none.
     fn level(self, own: Option<usize>) -> Option<usize> {
         own.or(self.all.then_some(0))
     }
 
-    /// The widened `limit` with its own level `own` or none.
-    fn limit(self, limit: f64, own: Option<usize>) -> f64 {
-        limit
-            * self
-                .level(own)
-                .map_or(1.0, |level| self.levels[level].exp())
+    /// The factor of a limit with its own level `own` or none.
+    fn factor(self, own: Option<usize>) -> f64 {
+        let level = self.level(own);
+        level.map_or(1.0, |level| self.levels[level].exp())
     }
 }
 
@@ -291,7 +284,7 @@ impl<const K: usize> Point<K> {
                     c,
                     &s,
                     openings,
-                    limits.scaled(widening.factor()),
+                    limits.scaled(widening.factor(None)),
                     |bounded| bounded.add(c, terms, level.as_mut()),
                 ) {
                     return None;
@@ -310,7 +303,7 @@ impl<const K: usize> Point<K> {
                         return Some(cost);
                     }
                     Goal::Below { limit, level } => {
-                        (widening.limit(limit, level), widening.level(level))
+                        (limit * widening.factor(level), widening.level(level))
                     }
                 };
                 let mut level = index.map(|_| LevelCurvature::zero());
@@ -341,7 +334,7 @@ impl<const K: usize> Point<K> {
         let (determinant, s) = self.sensitivity(c)?;
         let mut sum = 0.0;
         let Purpose::Output(output) = &self.purpose else {
-            let limits = limits.scaled(widening.factor());
+            let limits = limits.scaled(widening.factor(None));
             let inside = self.bounded(c, &s, openings, limits, |bounded| {
                 bounded.value().is_some_and(|value| {
                     sum += value;
@@ -356,7 +349,7 @@ impl<const K: usize> Point<K> {
                 let square: f64 = v.iter().map(ComplexMatrix6::norm_squared).sum();
                 return Some((0.0, weight * square, None));
             }
-            Goal::Below { limit, level } => widening.limit(limit, level),
+            Goal::Below { limit, level } => limit * widening.factor(level),
         };
         let bounded = Bounded {
             v: &v,
