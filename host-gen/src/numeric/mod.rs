@@ -2,6 +2,7 @@
 
 pub mod eigen;
 pub mod frequencies;
+pub(crate) mod loci;
 pub mod pencil;
 pub(crate) mod products;
 pub mod quadrature;

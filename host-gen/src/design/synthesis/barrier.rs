@@ -168,6 +168,114 @@ impl<const K: usize> Bounded<'_, K> {
     }
 }
 
+/// Keeps the eigenvalues of L that have a negative real part and a magnitude above one away from the
+/// negative real axis: then 1 + g·L is singular at no gain g from 0 to 1.
+///
+/// The barrier of an eigenvalue λ is a function of u = (`least`/sin(arg λ))². It grows beyond all
+/// limits where u reaches 1, and is zero below [`FELT`].
+#[derive(Clone, Copy)]
+pub(super) struct Sector {
+    /// The least |sin(arg λ)|.
+    pub(super) least: f64,
+}
+
+/// The least u at which a [`Sector`]'s barrier is not zero: with the sine three times as large as
+/// it may become.
+const FELT: f64 = 1.0 / 9.0;
+
+/// Moved by this part of itself, an eigenvalue is none: what is nearer counts as equal to it.
+const BESIDE: f64 = 1e-6;
+
+/// A barrier as a function of u, with two derivatives.
+fn felt(u: f64) -> [f64; 3] {
+    let inverse = 1.0 / (1.0 - u);
+    let at = 1.0 / (1.0 - FELT);
+    [
+        (inverse / at).ln() - (u - FELT) * at,
+        inverse - at,
+        inverse * inverse,
+    ]
+}
+
+impl Sector {
+    /// u of an eigenvalue, if its barrier is not zero.
+    pub(super) fn nearness(self, eigenvalue: Complex<f64>) -> Option<f64> {
+        let square = eigenvalue.norm_sqr();
+        // Within the circle over [−1, 0], no gain up to 1 brings 1 + g·λ nearer to zero than 1.
+        if eigenvalue.re >= 0.0 || square <= -eigenvalue.re {
+            return None;
+        }
+        let u = self.least * self.least * square / (eigenvalue.im * eigenvalue.im);
+        (u > FELT).then_some(u)
+    }
+
+    /// The barrier of all eigenvalues; none if one is in the sector.
+    pub(super) fn value(self, eigenvalues: &[Complex<f64>; LEGS]) -> Option<f64> {
+        let mut sum = 0.0;
+        for u in eigenvalues.iter().filter_map(|x| self.nearness(*x)) {
+            if u >= 1.0 {
+                return None;
+            }
+            sum += felt(u)[0];
+        }
+        Some(sum)
+    }
+
+    /// Adds the barrier at the channel gains `c`; false if an eigenvalue of `l`, which is C·G, is
+    /// in the sector.
+    pub(super) fn add<const K: usize>(
+        self,
+        c: &[Complex<f64>; K],
+        g: &Rows<K>,
+        l: &ComplexMatrix6,
+        eigenvalues: &[Complex<f64>; LEGS],
+        sum: &mut Curvature<K>,
+        mut level: Option<&mut LevelCurvature<K>>,
+    ) -> bool {
+        for eigenvalue in eigenvalues {
+            let Some(u) = self.nearness(*eigenvalue) else {
+                continue;
+            };
+            if u >= 1.0 {
+                return false;
+            }
+            // The projection on its eigenvector, or on those of all that are equal, from the
+            // resolvent right beside it.
+            let beside = eigenvalue * (1.0 + BESIDE);
+            let Some(resolvent) = (ComplexMatrix6::identity() * beside - l).try_inverse() else {
+                return false;
+            };
+            let gp = product(g, &resolvent);
+            let scale = (resolvent.trace() * eigenvalue).inv();
+            // d(ln λ) = Σ y·dc/c.
+            let y: [Complex<f64>; K] =
+                core::array::from_fn(|k| gp[(k, k % LEGS)] * c[k] * scale);
+            let cot = eigenvalue.re / eigenvalue.im;
+            let [value, by_u, twice] = felt(u);
+            let slope = -2.0 * u * cot;
+            let first = by_u * slope;
+            let second = twice * slope * slope + by_u * u * (6.0 * cot * cot + 2.0);
+            sum.value += value;
+            for k in 0..K {
+                sum.gradient[k] += Complex::new(y[k].im, -y[k].re) * first;
+                for l in 0..K {
+                    sum.hermitian[(k, l)] += y[k] * y[l].conj() * (0.5 * second);
+                    sum.symmetric[(k, l)] -= (y[k] * y[l]).conj() * (0.5 * second);
+                }
+            }
+            if let Some(level) = &mut level {
+                level.slope -= 2.0 * u * by_u;
+                level.curvature += 4.0 * u * (twice * u + by_u);
+                let mixed = -2.0 * slope * (u * twice + by_u);
+                for k in 0..K {
+                    level.mixed[k] += Complex::new(y[k].im, -y[k].re) * mixed;
+                }
+            }
+        }
+        true
+    }
+}
+
 /// Adds weight·‖V‖² for V with dV = −P·dC·Q.
 pub(super) fn add_square<const K: usize>(
     c: &[Complex<f64>; K],

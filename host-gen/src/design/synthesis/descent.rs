@@ -38,8 +38,7 @@ fn newton(expansion: &Expansion, added: f64) -> Option<(DVector<f64>, f64)> {
 /// Moves `x` down the cost with this `weight`.
 ///
 /// All variables are logarithms, so the step is limited in their own units: what is added to the
-/// diagonal is raised until no variable moves by more than [`LONGEST`], the cost falls, and
-/// the soft start is stable.
+/// diagonal is raised until no variable moves by more than [`LONGEST`] and the cost falls.
 fn settle<const K: usize>(
     problem: &Problem<K>,
     stage: Stage,
@@ -74,7 +73,7 @@ fn settle<const K: usize>(
                 .collect();
             let value = problem.value(stage, weight, &to);
             let falls = value.is_some_and(|value| value < expansion.value - 0.1 * gain);
-            if falls && problem.starts_softly(&to) {
+            if falls {
                 *x = to;
                 moved = true;
                 added = (added / MORE).max(LEAST);

@@ -76,12 +76,12 @@ impl Synthesis<'_> {
     /// start; else the best without this limit; or any.
     fn solve<const K: usize>(&self, best: bool) -> Option<[Shape; LEGS]> {
         let mut problem = self.problem::<K>();
-        problem.soft_start = best;
+        problem.limits.soft_start = best;
         let found = self.solve_one(&mut problem, best);
         if found.is_some() || !best {
             return found;
         }
-        problem.soft_start = false;
+        problem.limits.soft_start = false;
         self.solve_one(&mut problem, true)
     }
 
@@ -253,11 +253,11 @@ impl Synthesis<'_> {
                 modes: MARGIN * self.target.max_sensitivity,
                 elsewhere: MARGIN * ELSEWHERE * self.target.max_sensitivity,
                 roll_off: MARGIN,
+                soft_start: true,
             },
             points: self.points(self.study, &transform),
             beside: Vec::new(),
             levels: bands,
-            soft_start: true,
         }
     }
 
@@ -431,7 +431,7 @@ impl Synthesis<'_> {
                         });
                         let x = problem.parameters.of_shapes(&shapes);
                         let excess = problem.excess(&x)?.0;
-                        problem.starts_softly(&x).then_some((excess, x))
+                        Some((excess, x))
                     })
                     .min_by(|(a, _), (b, _)| a.total_cmp(b))
             })

@@ -5,7 +5,8 @@ use core::slice::from_ref;
 use nalgebra::{Complex, SMatrix};
 use shared::LEGS;
 
-use super::barrier::{Bounded, Curvature, LevelCurvature, Rows, add_square};
+use super::barrier::{Bounded, Curvature, LevelCurvature, Rows, Sector, add_square};
+use crate::numeric::loci::eigenvalues;
 use crate::numeric::products::product;
 use crate::numeric::singular::largest_singular_value;
 use crate::numeric::six::ComplexMatrix6;
@@ -103,15 +104,37 @@ pub(super) struct Limits {
     pub(super) modes: f64,
     pub(super) elsewhere: f64,
     pub(super) roll_off: f64,
+    /// Whether the loop must be stable at every gain of the soft start.
+    pub(super) soft_start: bool,
 }
 
+/// The sine of an eigenvalue's angle to the negative real axis, as a part of what it is at the limit
+/// of the sensitivity, at least.
+const SOFTLY: f64 = 1.0 / 3.0;
+
 impl Limits {
+    /// The sector that eigenvalues of L must leave free, if the loop must start softly.
+    fn sector(self) -> Option<Sector> {
+        self.soft_start.then(|| Sector {
+            least: SOFTLY / self.modes,
+        })
+    }
+
+    /// The limits on perturbed machines, of which no soft start is asked.
+    pub(super) fn of_perturbed(self) -> Self {
+        Self {
+            soft_start: false,
+            ..self
+        }
+    }
+
     /// All limits times `factor`.
     pub(super) fn scaled(self, factor: f64) -> Self {
         Self {
             modes: self.modes * factor,
             elsewhere: self.elsewhere * factor,
             roll_off: self.roll_off * factor,
+            ..self
         }
     }
 }
@@ -138,6 +161,9 @@ impl Widening<'_> {
     }
 }
 
+/// The eigenvalues of L.
+pub(super) type Eigenvalues = [Complex<f64>; LEGS];
+
 /// What a point adds.
 pub(super) struct PointCost<const K: usize> {
     pub(super) terms: Curvature<K>,
@@ -145,8 +171,8 @@ pub(super) struct PointCost<const K: usize> {
     pub(super) level: Option<(usize, LevelCurvature<K>)>,
     /// The part of the mean square.
     pub(super) square: Curvature<K>,
-    /// det(1 + L) of a point of the loop.
-    pub(super) determinant: Option<Complex<f64>>,
+    /// The eigenvalues of L at a point of the loop.
+    pub(super) eigenvalues: Option<Eigenvalues>,
 }
 
 /// C·G: gains times the plant, 6×6.
@@ -161,6 +187,11 @@ fn times<const K: usize>(
         }
     }
     product
+}
+
+/// S = (1 + L)⁻¹.
+fn sensitivity(l: &ComplexMatrix6) -> Option<ComplexMatrix6> {
+    (ComplexMatrix6::identity() + l).try_inverse()
 }
 
 impl<const K: usize> Point<K> {
@@ -180,20 +211,14 @@ impl<const K: usize> Point<K> {
         matches!(self.purpose, Purpose::Loop { .. })
     }
 
-    /// 1 + L with the loop opened at the modes.
-    fn return_difference(&self, c: &[Complex<f64>; K]) -> ComplexMatrix6 {
-        ComplexMatrix6::identity() + times(c, &self.plant)
+    /// L with the loop opened at the modes, at the channel gains `c`.
+    fn loop_gain(&self, c: &[Complex<f64>; K]) -> ComplexMatrix6 {
+        times(c, &self.plant)
     }
 
-    /// det(1 + L) at the channel gains `c`.
-    pub(super) fn determinant(&self, c: &[Complex<f64>; K]) -> Complex<f64> {
-        self.return_difference(c).lu().determinant()
-    }
-
-    /// det(1 + L) and S = (1 + L)⁻¹.
-    fn sensitivity(&self, c: &[Complex<f64>; K]) -> Option<(Complex<f64>, ComplexMatrix6)> {
-        let lu = self.return_difference(c).lu();
-        Some((lu.determinant(), lu.try_inverse()?))
+    /// The eigenvalues of L at the channel gains `c`.
+    pub(super) fn eigenvalues(&self, c: &[Complex<f64>; K]) -> Option<Eigenvalues> {
+        eigenvalues(&self.loop_gain(c))
     }
 
     /// Calls `each` with every bounded matrix of the loop and its level; false as soon as a call
@@ -268,29 +293,33 @@ impl<const K: usize> Point<K> {
         limits: Limits,
         widening: Widening<'_>,
     ) -> Option<PointCost<K>> {
-        let (determinant, s) = self.sensitivity(c)?;
+        let l = self.loop_gain(c);
+        let s = sensitivity(&l)?;
         let mut cost = PointCost {
             terms: Curvature::zero(),
             level: None,
             square: Curvature::zero(),
-            determinant: None,
+            eigenvalues: None,
         };
         match &self.purpose {
             Purpose::Loop { .. } => {
                 let index = widening.level(None);
                 let mut level = index.map(|_| LevelCurvature::zero());
                 let terms = &mut cost.terms;
-                if !self.bounded(
-                    c,
-                    &s,
-                    openings,
-                    limits.scaled(widening.factor(None)),
-                    |bounded| bounded.add(c, terms, level.as_mut()),
-                ) {
+                let limits = limits.scaled(widening.factor(None));
+                if !self.bounded(c, &s, openings, limits, |bounded| {
+                    bounded.add(c, terms, level.as_mut())
+                }) {
+                    return None;
+                }
+                let eigenvalues = eigenvalues(&l)?;
+                if let Some(sector) = limits.sector()
+                    && !sector.add(c, &self.plant, &l, &eigenvalues, terms, level.as_mut())
+                {
                     return None;
                 }
                 cost.level = index.zip(level);
-                cost.determinant = Some(determinant);
+                cost.eigenvalues = Some(eigenvalues);
             }
             Purpose::Output(output) => {
                 let p: Blocks = output.from_modes.iter().map(|m| product(m, &s)).collect();
@@ -322,7 +351,7 @@ impl<const K: usize> Point<K> {
         Some(cost)
     }
 
-    /// The barrier, the part of the mean square, and the determinant: as [`Self::cost`], without
+    /// The barrier, the part of the mean square, and the eigenvalues of L: as [`Self::cost`], without
     /// derivatives.
     pub(super) fn value(
         &self,
@@ -330,8 +359,9 @@ impl<const K: usize> Point<K> {
         openings: &Openings,
         limits: Limits,
         widening: Widening<'_>,
-    ) -> Option<(f64, f64, Option<Complex<f64>>)> {
-        let (determinant, s) = self.sensitivity(c)?;
+    ) -> Option<(f64, f64, Option<Eigenvalues>)> {
+        let l = self.loop_gain(c);
+        let s = sensitivity(&l)?;
         let mut sum = 0.0;
         let Purpose::Output(output) = &self.purpose else {
             let limits = limits.scaled(widening.factor(None));
@@ -341,7 +371,14 @@ impl<const K: usize> Point<K> {
                     true
                 })
             });
-            return inside.then_some((sum, 0.0, Some(determinant)));
+            if !inside {
+                return None;
+            }
+            let eigenvalues = eigenvalues(&l)?;
+            if let Some(sector) = limits.sector() {
+                sum += sector.value(&eigenvalues)?;
+            }
+            return Some((sum, 0.0, Some(eigenvalues)));
         };
         let v = output.motion(&product(&s, &times(c, &output.to_modes)));
         let limit = match output.goal {
@@ -363,7 +400,8 @@ impl<const K: usize> Point<K> {
     /// The largest factor by which a term at this point exceeds its limit, or, for a level, its
     /// limit at level 0.
     pub(super) fn excess(&self, c: &[Complex<f64>; K], openings: &Openings, limits: Limits) -> f64 {
-        let Some((_, s)) = self.sensitivity(c) else {
+        let l = self.loop_gain(c);
+        let Some(s) = sensitivity(&l) else {
             return f64::INFINITY;
         };
         let mut highest = 0.0_f64;
@@ -373,6 +411,13 @@ impl<const K: usize> Point<K> {
                     highest = highest.max(largest(bounded.v) / bounded.limit);
                     true
                 });
+                if let Some(sector) = limits.sector() {
+                    let Some(eigenvalues) = eigenvalues(&l) else {
+                        return f64::INFINITY;
+                    };
+                    let near = eigenvalues.iter().filter_map(|x| sector.nearness(*x));
+                    highest = near.map(f64::sqrt).fold(highest, f64::max);
+                }
             }
             Purpose::Output(output) => {
                 if let Goal::Below { limit, .. } = output.goal {

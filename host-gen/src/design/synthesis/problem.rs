@@ -5,11 +5,11 @@ use core::f64::consts::FRAC_PI_2;
 use nalgebra::{Complex, DMatrix, DVector};
 use rayon::prelude::*;
 use shared::LEGS;
-use shared::supervisor::GENTLE;
 
 use super::barrier::{Curvature, LevelCurvature};
 use super::parameters::{GroupFilters, MOST_PER_GROUP, Parameters};
-use super::points::{Goal, Limits, Openings, Point, PointCost, Purpose, Widening};
+use super::points::{Eigenvalues, Goal, Limits, Openings, Point, PointCost, Purpose, Widening};
+use crate::numeric::loci::continued;
 
 /// What the variables are besides the parameters, and what is minimised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +31,36 @@ pub(super) struct Problem<const K: usize> {
     pub(super) beside: Vec<Point<K>>,
     /// Number of levels in the stage of performance.
     pub(super) levels: usize,
-    /// Whether the loop must be stable at every gain of the soft start.
-    pub(super) soft_start: bool,
+}
+
+/// The curves of the eigenvalues of L over frequency.
+#[derive(Default)]
+struct Loci {
+    /// The last ones; zero at first, because AC coupling makes the loop gain zero at z = 1.
+    before: Eigenvalues,
+    /// The angle by which all 1 + λ have turned.
+    turned: f64,
+}
+
+impl Loci {
+    /// Goes on to `eigenvalues`; whether one crosses the real axis below −1 on its way there.
+    fn crosses(&mut self, eigenvalues: Eigenvalues) -> bool {
+        let to = continued(&self.before, &eigenvalues);
+        let mut crosses = false;
+        for (a, b) in self.before.iter().zip(&to) {
+            self.turned += ((b + 1.0) / (a + 1.0)).arg();
+            // Where the chord meets the real axis.
+            let across = (a.im < 0.0) != (b.im < 0.0);
+            crosses |= across && (a.re * b.im - b.re * a.im) / (b.im - a.im) < -1.0;
+        }
+        self.before = to;
+        crosses
+    }
+
+    /// Whether they encircle −1. Plant and controller are stable, so a stable loop's do not.
+    fn encircle(&self) -> bool {
+        self.turned.abs() > FRAC_PI_2
+    }
 }
 
 /// A cost with its gradient and curvature.
@@ -48,9 +76,6 @@ const MEAN: f64 = 0.5;
 /// Limits on a part of the points, as a part of those on all.
 const BETWEEN: f64 = 0.97;
 
-/// Gains of the soft start that are tried, evenly spaced in the logarithm.
-const SOFT: usize = 13;
-
 /// Points that are summed in one go: sums do not depend on the number of processors.
 const CHUNK: usize = 16;
 
@@ -58,7 +83,7 @@ const CHUNK: usize = 16;
 struct Sums {
     terms: Expansion,
     square: Option<Expansion>,
-    determinants: Vec<Complex<f64>>,
+    eigenvalues: Vec<Eigenvalues>,
 }
 
 impl Expansion {
@@ -260,17 +285,16 @@ impl<const K: usize> Problem<K> {
         Some(sum)
     }
 
-    /// Whether the loops with these values of det(1 + L), in the order of their points, are
-    /// stable: plant and controller are, so it must not encircle zero. It starts at 1, because AC
-    /// coupling makes the loop gain zero at z = 1.
-    fn encircles(determinants: impl IntoIterator<Item = Complex<f64>>) -> bool {
-        let mut before = Complex::ONE;
-        let mut turned = 0.0;
-        for determinant in determinants {
-            turned += (determinant / before).arg();
-            before = determinant;
+    /// Whether the loop with these eigenvalues of L, in the order of their points, is stable, at
+    /// every gain if it must start softly.
+    fn is_stable(&self, loci: impl IntoIterator<Item = Eigenvalues>) -> bool {
+        let mut curves = Loci::default();
+        for eigenvalues in loci {
+            if curves.crosses(eigenvalues) && self.limits.soft_start {
+                return false;
+            }
         }
-        turned.abs() > FRAC_PI_2
+        !curves.encircle()
     }
 
     fn levels<'x>(&self, x: &'x [f64]) -> &'x [f64] {
@@ -294,11 +318,11 @@ impl<const K: usize> Problem<K> {
         let widening = self.widening(stage, x);
         let slots = self.slots();
         let mut square = squares.then(|| Expansion::zero(n));
-        let chunk = |points: &[Point<K>]| -> Option<Sums> {
+        let chunk = |points: &[Point<K>], limits: Limits| -> Option<Sums> {
             let mut sums = Sums {
                 terms: Expansion::zero(n),
                 square: squares.then(|| Expansion::zero(n)),
-                determinants: Vec::with_capacity(points.len()),
+                eigenvalues: Vec::with_capacity(points.len()),
             };
             for point in points.iter().filter(|point| Self::counts(stage, point)) {
                 let channels = self.channels(&filters, point);
@@ -306,8 +330,8 @@ impl<const K: usize> Problem<K> {
                     terms,
                     level,
                     square,
-                    determinant,
-                } = point.cost(&channels.gains, &self.openings, self.limits, widening)?;
+                    eigenvalues,
+                } = point.cost(&channels.gains, &self.openings, limits, widening)?;
                 self.chain(&mut sums.terms, &slots, &channels, &terms);
                 if let Some(level) = &level {
                     self.chain_level(&mut sums.terms, &slots, &channels, level);
@@ -317,16 +341,18 @@ impl<const K: usize> Problem<K> {
                 {
                     self.chain(sum, &slots, &channels, &square);
                 }
-                sums.determinants.extend(determinant);
+                sums.eigenvalues.extend(eigenvalues);
             }
             Some(sums)
         };
-        let sums = |points: &[Point<K>]| {
-            let chunks = points.par_chunks(CHUNK).map(chunk);
+        let sums = |points: &[Point<K>], limits: Limits| {
+            let chunks = points.par_chunks(CHUNK);
+            let chunks = chunks.map(|points| chunk(points, limits));
             chunks.collect::<Option<Vec<Sums>>>()
         };
-        let (own, beside) = (sums(&self.points)?, sums(&self.beside)?);
-        if Self::encircles(own.iter().flat_map(|sums| &sums.determinants).copied()) {
+        let own = sums(&self.points, self.limits)?;
+        let beside = sums(&self.beside, self.limits.of_perturbed())?;
+        if !self.is_stable(own.iter().flat_map(|sums| &sums.eigenvalues).copied()) {
             return None;
         }
         for sums in own.iter().chain(&beside) {
@@ -352,21 +378,22 @@ impl<const K: usize> Problem<K> {
         let mut total = self.sides(stage, weight, x)?.value;
         let filters = self.parameters.filters(&x[..self.parameters.count()]);
         let widening = self.widening(stage, x);
-        let value = |points: &[Point<K>]| {
+        let value = |points: &[Point<K>], limits: Limits| {
             let mut all = Vec::with_capacity(points.len());
             for point in points.iter().filter(|point| Self::counts(stage, point)) {
                 let gains = self.channels(&filters, point).gains;
-                let (openings, limits) = (&self.openings, self.limits);
-                all.push(point.value(&gains, openings, limits, widening)?);
+                all.push(point.value(&gains, &self.openings, limits, widening)?);
             }
             Some(all)
         };
-        let values = |points: &[Point<K>]| {
-            let chunks = points.par_chunks(CHUNK).map(value);
+        let values = |points: &[Point<K>], limits: Limits| {
+            let chunks = points.par_chunks(CHUNK);
+            let chunks = chunks.map(|points| value(points, limits));
             chunks.collect::<Option<Vec<_>>>()
         };
-        let (own, beside) = (values(&self.points)?, values(&self.beside)?);
-        if Self::encircles(own.iter().flatten().filter_map(|(.., z)| *z)) {
+        let own = values(&self.points, self.limits)?;
+        let beside = values(&self.beside, self.limits.of_perturbed())?;
+        if !self.is_stable(own.iter().flatten().filter_map(|(.., x)| *x)) {
             return None;
         }
         let mut square = 0.0;
@@ -385,20 +412,25 @@ impl<const K: usize> Problem<K> {
     pub(super) fn excess(&self, x: &[f64]) -> Option<(f64, Vec<f64>)> {
         let filters = self.parameters.filters(x);
         let on_loop = self.points.iter().filter(|point| point.is_of_loop());
-        // Most of the loops from which a search starts are unstable, which a determinant tells.
-        if Self::encircles(on_loop.map(|point| {
+        // Most of the loops from which a search starts are unstable, which the eigenvalues tell.
+        let mut curves = Loci::default();
+        for point in on_loop {
             let gains = self.channels(&filters, point).gains;
-            point.determinant(&gains)
-        })) {
+            if curves.crosses(point.eigenvalues(&gains)?) && self.limits.soft_start {
+                return None;
+            }
+        }
+        if curves.encircle() {
             return None;
         }
-        let excesses = |points: &[Point<K>]| {
+        let excesses = |points: &[Point<K>], limits: Limits| {
             let points = points.par_iter().with_min_len(CHUNK);
-            let all = points.map(|point| self.excess_at(&filters, point));
+            let all = points.map(|point| self.excess_at(&filters, point, limits));
             all.collect::<Vec<_>>()
         };
-        let all = excesses(&self.points);
-        let mut highest = excesses(&self.beside).into_iter().fold(0.0, f64::max);
+        let all = excesses(&self.points, self.limits);
+        let beside = excesses(&self.beside, self.limits.of_perturbed());
+        let mut highest = beside.into_iter().fold(0.0, f64::max);
         let mut levels = vec![0.0_f64; self.levels];
         for (excess, point) in all.into_iter().zip(&self.points) {
             match point.level() {
@@ -409,31 +441,10 @@ impl<const K: usize> Problem<K> {
         Some((highest, levels.into_iter().map(f64::ln).collect()))
     }
 
-    /// Whether the loop is stable at the gains of the soft start with the variables `x`, if it must
-    /// be.
-    pub(super) fn starts_softly(&self, x: &[f64]) -> bool {
-        if !self.soft_start {
-            return true;
-        }
-        let filters = self.parameters.filters(&x[..self.parameters.count()]);
-        let on_loop = self.points.iter().filter(|point| point.is_of_loop());
-        let gains: Vec<_> = on_loop
-            .map(|point| (point, self.channels(&filters, point).gains))
-            .collect();
-        (1..SOFT).into_par_iter().all(|n| {
-            let part = f64::from(GENTLE).powf(n as f64 / (SOFT - 1) as f64);
-            !Self::encircles(
-                gains
-                    .iter()
-                    .map(|(point, gains)| point.determinant(&gains.map(|gain| gain * part))),
-            )
-        })
-    }
-
     /// The factor by which a limit is exceeded at a point.
-    fn excess_at(&self, filters: &[GroupFilters], point: &Point<K>) -> f64 {
+    fn excess_at(&self, filters: &[GroupFilters], point: &Point<K>, limits: Limits) -> f64 {
         let gains = self.channels(filters, point).gains;
-        point.excess(&gains, &self.openings, self.limits)
+        point.excess(&gains, &self.openings, limits)
     }
 
     /// The largest factor by which the loops of the machines of `set` exceed a limit with the
@@ -444,7 +455,7 @@ impl<const K: usize> Problem<K> {
             let mut highest = 0.0;
             let mut beyond = Vec::new();
             for point in points {
-                let excess = self.excess_at(&filters, point);
+                let excess = self.excess_at(&filters, point, self.limits.of_perturbed());
                 highest = f64::max(highest, excess);
                 if excess > 1.0 {
                     beyond.push(point.clone());
@@ -488,7 +499,6 @@ impl<const K: usize> Problem<K> {
             limits: self.limits.scaled(BETWEEN),
             points: points.map(|(_, point)| point.clone()).collect(),
             beside: self.beside.clone(),
-            soft_start: self.soft_start,
             levels: self.levels,
         }
     }
