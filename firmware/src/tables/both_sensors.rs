@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.004851674,
+    ac_limit: 0.0007477965,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -68,54 +68,54 @@ pub static TABLE: ValidTable = match (Table {
                 0.0, -0.0095162755, 0.027165847, 0.030643724, -0.027165847, -0.02112745;
                 0.028522575, -0.028522575, 0.028522575, -0.028522575, 0.028522575, -0.028522575;
             ],
-            split: [0.014988799, 0.014988799, 0.034679513, 0.025936063, 0.025936063, 0.04292642],
+            split: [0.008305166, 0.008305166, 0.0032765933, 0.025623102, 0.025623102, 0.17479606],
             }),
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.05595373, damping: 16.341236, direct: 0.006043964, band: 0.060920496, low: 0.993956 },
-                        Section { rate: 0.12045134, damping: 2.3512423, direct: 0.56251967, band: -0.003951114, low: 0.43748033 },
-                        Section { rate: 0.038996946, damping: 0.56751084, direct: 0.6953337, band: 1.2683625, low: 0.30466628 },
+                        Section { rate: 1.3881615e-5, damping: 38.822998, direct: 15.775348, band: -344.38583, low: -14.775348 },
+                        Section { rate: 0.02526904, damping: 0.76938087, direct: 0.09444389, band: 1.5253319, low: 0.9055561 },
+                        Section { rate: 0.0038084527, damping: 7.1897507, direct: 0.0021453272, band: 0.22541933, low: 0.99785465 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.05595373, damping: 16.341236, direct: 0.006043964, band: 0.060920496, low: 0.993956 },
-                        Section { rate: 0.12045134, damping: 2.3512423, direct: 0.56251967, band: -0.003951114, low: 0.43748033 },
-                        Section { rate: 0.038996946, damping: 0.56751084, direct: 0.6953337, band: 1.2683625, low: 0.30466628 },
+                        Section { rate: 1.3881615e-5, damping: 38.822998, direct: 15.775348, band: -344.38583, low: -14.775348 },
+                        Section { rate: 0.02526904, damping: 0.76938087, direct: 0.09444389, band: 1.5253319, low: 0.9055561 },
+                        Section { rate: 0.0038084527, damping: 7.1897507, direct: 0.0021453272, band: 0.22541933, low: 0.99785465 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.03065308, damping: 28.90962, direct: 0.0018252551, band: 0.03501785, low: 0.9981747 },
-                        Section { rate: 0.12551594, damping: 2.3043041, direct: 0.5714805, band: 0.06993271, low: 0.4285195 },
-                        Section { rate: 0.04539657, damping: 1.3277742, direct: 1.106763, band: 1.1330396, low: -0.10676295 },
+                        Section { rate: 0.0033007774, damping: 4.8020787, direct: 23003.227, band: -108186.89, low: -23002.227 },
+                        Section { rate: 0.004592769, damping: 3.6033454, direct: 0.016752638, band: 1.5019448, low: 0.98324734 },
+                        Section { rate: 7.2228555e-5, damping: 20.177864, direct: 4.113277e-6, band: 0.024489287, low: 0.9999959 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.027042583, damping: 34.17725, direct: 0.0013949383, band: 0.028437546, low: 0.9986051 },
-                        Section { rate: 0.12083949, damping: 2.2618408, direct: 0.50517845, band: 0.06611775, low: 0.49482155 },
-                        Section { rate: 0.045848172, damping: 0.7278082, direct: 1.1360338, band: 1.7050962, low: -0.13603376 },
+                        Section { rate: 0.00050015247, damping: 1.4965976, direct: 0.0021829705, band: 1.6837612, low: 0.99781704 },
+                        Section { rate: 0.029631555, damping: 2.4470935, direct: 0.8720423, band: -0.75322515, low: 0.12795769 },
+                        Section { rate: 0.051040795, damping: 0.45580402, direct: 0.506771, band: 3.765931, low: 0.49322897 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.027042583, damping: 34.17725, direct: 0.0013949383, band: 0.028437546, low: 0.9986051 },
-                        Section { rate: 0.12083949, damping: 2.2618408, direct: 0.50517845, band: 0.06611775, low: 0.49482155 },
-                        Section { rate: 0.045848172, damping: 0.7278082, direct: 1.1360338, band: 1.7050962, low: -0.13603376 },
+                        Section { rate: 0.00050015247, damping: 1.4965976, direct: 0.0021829705, band: 1.6837612, low: 0.99781704 },
+                        Section { rate: 0.029631555, damping: 2.4470935, direct: 0.8720423, band: -0.75322515, low: 0.12795769 },
+                        Section { rate: 0.051040795, damping: 0.45580402, direct: 0.506771, band: 3.765931, low: 0.49322897 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.026208002, damping: 35.660778, direct: 0.0013562713, band: 0.026344324, low: 0.99864376 },
-                        Section { rate: 0.07434059, damping: 1.5292549, direct: 0.1313065, band: 0.33086064, low: 0.86869353 },
-                        Section { rate: 0.05792625, damping: 1.0701618, direct: 3.2354746, band: -1.0523307, low: -2.2354746 },
+                        Section { rate: 0.00046137453, damping: 1.6464765, direct: 19.742647, band: -18.734447, low: -18.742647 },
+                        Section { rate: 0.0017997832, damping: 53.053604, direct: 2.5329593e-5, band: 0.00879328, low: 0.99997467 },
+                        Section { rate: 0.08982273, damping: 0.37032372, direct: 1.106662, band: 0.8737259, low: -0.10666206 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -180,7 +180,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0x3b2de655;
+pub const CHECKSUM: u32 = 0x2194c26f;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

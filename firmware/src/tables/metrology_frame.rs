@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.004943124,
+    ac_limit: 0.0046857293,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,49 +53,49 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.0015411766, damping: 1.2943907, direct: 0.0020089487, band: 1.0152044, low: 0.997991 },
-                        Section { rate: 0.12643494, damping: 2.5133824, direct: 0.40494266, band: -0.0004248769, low: 0.59505737 },
-                        Section { rate: 0.05732424, damping: 1.1563332, direct: 1.0917304, band: 0.6408624, low: -0.09173033 },
+                        Section { rate: 0.0007003462, damping: 1.8574398, direct: 0.0053760232, band: 2.0443895, low: 0.99462396 },
+                        Section { rate: 0.015191675, damping: 0.2485382, direct: 0.04765052, band: 1.3960997, low: 0.9523495 },
+                        Section { rate: 0.029393442, damping: 2.3343194, direct: 3.7367132, band: -8.303872, low: -2.7367132 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0015411766, damping: 1.2943907, direct: 0.0020089487, band: 1.0152044, low: 0.997991 },
-                        Section { rate: 0.12643494, damping: 2.5133824, direct: 0.40494266, band: -0.0004248769, low: 0.59505737 },
-                        Section { rate: 0.05732424, damping: 1.1563332, direct: 1.0917304, band: 0.6408624, low: -0.09173033 },
+                        Section { rate: 0.0007003462, damping: 1.8574398, direct: 0.0053760232, band: 2.0443895, low: 0.99462396 },
+                        Section { rate: 0.015191675, damping: 0.2485382, direct: 0.04765052, band: 1.3960997, low: 0.9523495 },
+                        Section { rate: 0.029393442, damping: 2.3343194, direct: 3.7367132, band: -8.303872, low: -2.7367132 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0010911666, damping: 1.8227543, direct: 0.0010701829, band: 0.82448214, low: 0.9989298 },
-                        Section { rate: 0.13366173, damping: 2.5041697, direct: 0.5616559, band: -0.19764626, low: 0.4383441 },
-                        Section { rate: 0.040495355, damping: 1.5219591, direct: 0.77617985, band: 0.8998465, low: 0.22382012 },
+                        Section { rate: 0.0004682959, damping: 1.7056087, direct: 0.00036664223, band: 0.37564787, low: 0.9996334 },
+                        Section { rate: 0.04159318, damping: 0.9813686, direct: 0.7762347, band: 2.2724159, low: 0.22376533 },
+                        Section { rate: 0.004945085, damping: 2.1387327, direct: 1.9798554, band: 7.4169693, low: -0.9798554 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0008521776, damping: 1.9008299, direct: 0.0008649702, band: 0.7761188, low: 0.999135 },
-                        Section { rate: 0.12765874, damping: 2.7211654, direct: 0.58886933, band: -0.36258966, low: 0.41113067 },
-                        Section { rate: 0.0414158, damping: 0.84233934, direct: 0.54122585, band: 0.9532382, low: 0.45877415 },
+                        Section { rate: 0.0011085134, damping: 19.754444, direct: 0.06622437, band: 14.278119, low: 0.9337756 },
+                        Section { rate: 0.0041181333, damping: 5.530337, direct: 0.05704688, band: -0.2510009, low: 0.9429531 },
+                        Section { rate: 0.017850209, damping: 0.26753503, direct: 0.07519348, band: 1.8811417, low: 0.92480654 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0008521776, damping: 1.9008299, direct: 0.0008649702, band: 0.7761188, low: 0.999135 },
-                        Section { rate: 0.12765874, damping: 2.7211654, direct: 0.58886933, band: -0.36258966, low: 0.41113067 },
-                        Section { rate: 0.0414158, damping: 0.84233934, direct: 0.54122585, band: 0.9532382, low: 0.45877415 },
+                        Section { rate: 0.0011085134, damping: 19.754444, direct: 0.06622437, band: 14.278119, low: 0.9337756 },
+                        Section { rate: 0.0041181333, damping: 5.530337, direct: 0.05704688, band: -0.2510009, low: 0.9429531 },
+                        Section { rate: 0.017850209, damping: 0.26753503, direct: 0.07519348, band: 1.8811417, low: 0.92480654 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0008179429, damping: 2.480771, direct: 0.0009540017, band: 0.83492506, low: 0.999046 },
-                        Section { rate: 0.10351749, damping: 2.098117, direct: 0.161914, band: 0.18233435, low: 0.838086 },
-                        Section { rate: 0.059739884, damping: 1.4356462, direct: 2.288523, band: -1.1692071, low: -1.288523 },
+                        Section { rate: 0.0015964041, damping: 5.471474, direct: 0.009267269, band: 2.7513604, low: 0.9907327 },
+                        Section { rate: 0.0030547308, damping: 3.2019153, direct: 0.0059625884, band: 0.17808497, low: 0.9940374 },
+                        Section { rate: 0.067378454, damping: 0.72148484, direct: 6.5191145, band: 10.878681, low: -5.5191145 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0x1d4c100b;
+pub const CHECKSUM: u32 = 0x6414cabb;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

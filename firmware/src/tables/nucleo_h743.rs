@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0042166137,
+    ac_limit: 0.0042078244,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,49 +53,49 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.0010984497, damping: 0.89264494, direct: 0.0023131224, band: 1.9151635, low: 0.99768686 },
-                        Section { rate: 0.20337984, damping: 2.101259, direct: 0.43039602, band: 0.37334087, low: 0.569604 },
-                        Section { rate: 0.095554315, damping: 1.5017877, direct: 1.4271978, band: -0.21770191, low: -0.42719775 },
+                        Section { rate: 0.001033512, damping: 1.0921104, direct: 0.0021921736, band: 1.8108573, low: 0.9978078 },
+                        Section { rate: 0.014536926, damping: 0.35611194, direct: 0.15949327, band: 1.2545553, low: 0.84050673 },
+                        Section { rate: 0.02900229, damping: 2.1690958, direct: 3.9126127, band: -7.831078, low: -2.9126127 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0010984497, damping: 0.89264494, direct: 0.0023131224, band: 1.9151635, low: 0.99768686 },
-                        Section { rate: 0.20337984, damping: 2.101259, direct: 0.43039602, band: 0.37334087, low: 0.569604 },
-                        Section { rate: 0.095554315, damping: 1.5017877, direct: 1.4271978, band: -0.21770191, low: -0.42719775 },
+                        Section { rate: 0.001033512, damping: 1.0921104, direct: 0.0021921736, band: 1.8108573, low: 0.9978078 },
+                        Section { rate: 0.014536926, damping: 0.35611194, direct: 0.15949327, band: 1.2545553, low: 0.84050673 },
+                        Section { rate: 0.02900229, damping: 2.1690958, direct: 3.9126127, band: -7.831078, low: -2.9126127 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0013090151, damping: 1.1303601, direct: 0.0014981478, band: 1.0149267, low: 0.99850184 },
-                        Section { rate: 0.22936061, damping: 2.3176851, direct: 0.7558243, band: -0.15773267, low: 0.24417566 },
-                        Section { rate: 0.06143923, damping: 1.5466859, direct: 0.63088816, band: 0.91361237, low: 0.36911184 },
+                        Section { rate: 0.00062775845, damping: 2.1952338, direct: 0.002324492, band: 2.4468415, low: 0.9976755 },
+                        Section { rate: 0.025071288, damping: 2.7060447, direct: 0.26260775, band: 0.7117401, low: 0.73739225 },
+                        Section { rate: 0.045776222, damping: 1.1817003, direct: 1.2093903, band: 1.2734312, low: -0.2093903 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0016438983, damping: 1.6404582, direct: 0.0010906338, band: 0.61296785, low: 0.99890935 },
-                        Section { rate: 0.23991795, damping: 2.2422988, direct: 1.233139, band: -0.66373044, low: -0.23313904 },
-                        Section { rate: 0.044982903, damping: 0.70160675, direct: 0.2806668, band: 0.69099677, low: 0.7193332 },
+                        Section { rate: 0.0006465312, damping: 1.7238215, direct: 0.0012893565, band: 1.5911077, low: 0.99871063 },
+                        Section { rate: 0.032632925, damping: 1.7182225, direct: 0.2692373, band: 1.3535546, low: 0.7307627 },
+                        Section { rate: 0.017242761, damping: 0.25806883, direct: 1.031583, band: -0.013037432, low: -0.03158296 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0016438983, damping: 1.6404582, direct: 0.0010906338, band: 0.61296785, low: 0.99890935 },
-                        Section { rate: 0.23991795, damping: 2.2422988, direct: 1.233139, band: -0.66373044, low: -0.23313904 },
-                        Section { rate: 0.044982903, damping: 0.70160675, direct: 0.2806668, band: 0.69099677, low: 0.7193332 },
+                        Section { rate: 0.0006465312, damping: 1.7238215, direct: 0.0012893565, band: 1.5911077, low: 0.99871063 },
+                        Section { rate: 0.032632925, damping: 1.7182225, direct: 0.2692373, band: 1.3535546, low: 0.7307627 },
+                        Section { rate: 0.017242761, damping: 0.25806883, direct: 1.031583, band: -0.013037432, low: -0.03158296 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0009939676, damping: 1.5910224, direct: 0.0010950819, band: 0.97546226, low: 0.99890494 },
-                        Section { rate: 0.16199766, damping: 1.8414028, direct: 0.20029551, band: 0.38656437, low: 0.7997045 },
-                        Section { rate: 0.08637776, damping: 1.7945187, direct: 2.3013437, band: -1.8603946, low: -1.3013436 },
+                        Section { rate: 0.0047025755, damping: 3.1607316, direct: 0.0051541366, band: 0.8647552, low: 0.99484587 },
+                        Section { rate: 0.0047025755, damping: 3.1607316, direct: 0.027439224, band: 1.0119159, low: 0.97256076 },
+                        Section { rate: 0.05635683, damping: 1.1018394, direct: 3.1924357, band: -0.6891347, low: -2.1924357 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0xf53b1d70;
+pub const CHECKSUM: u32 = 0xdbcdf869;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

@@ -59,7 +59,11 @@ fn shift(h: &ComplexMatrix6, last: usize) -> Complex<f64> {
     } else {
         half + root
     };
-    if size(far) == 0.0 { d } else { d - product / far }
+    if size(far) == 0.0 {
+        d
+    } else {
+        d - product / far
+    }
 }
 
 /// The eigenvalues of a matrix, in no particular order; none if the iteration does not converge.
@@ -162,4 +166,72 @@ pub(crate) fn continued(
         }
     }
     ordered
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Entries between −½ and ½ in both parts.
+    fn entry(i: usize) -> Complex<f64> {
+        let part = |by: f64| (by * (i as f64 + 1.0)).fract() - 0.5;
+        Complex::new(part(0.618_034), part(0.414_214))
+    }
+
+    fn matrix(seed: usize) -> ComplexMatrix6 {
+        ComplexMatrix6::from_fn(|i, j| entry(97 * seed + 6 * i + j))
+    }
+
+    /// The largest distance of an eigenvalue found to the one that it belongs to.
+    fn apart(matrix: &ComplexMatrix6, expected: [Complex<f64>; LEGS]) -> f64 {
+        let found = continued(&expected, &eigenvalues(matrix).unwrap());
+        let pairs = expected.iter().zip(&found);
+        pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+    }
+
+    /// V·diag(λ)·V⁻¹ has the eigenvalues λ, also if some are equal, or six orders of magnitude apart.
+    #[test]
+    fn eigenvalues_of_a_product() {
+        for seed in 0..50 {
+            let v = matrix(seed);
+            let condition = v.norm() * v.try_inverse().unwrap().norm();
+            let mut values: [Complex<f64>; LEGS] = core::array::from_fn(|i| entry(31 * seed + i));
+            match seed % 3 {
+                0 => {}
+                1 => values[1] = values[0],
+                _ => values[0] *= 1e6,
+            }
+            let diagonal = ComplexMatrix6::from_diagonal(&values.into());
+            let product = v * diagonal * v.try_inverse().unwrap();
+            // Rounding of the product, by the condition of V.
+            let bound = 1e-15 * condition * condition * product.norm();
+            assert!(apart(&product, values) < bound, "{seed}");
+        }
+    }
+
+    #[test]
+    fn eigenvalues_of_a_triangle_and_of_a_cycle() {
+        let triangle = matrix(3).upper_triangle();
+        let diagonal = core::array::from_fn(|i| triangle[(i, i)]);
+        assert!(apart(&triangle, diagonal) < 1e-12);
+        // A shift of coordinates: the sixth roots of one, at which unshifted steps stand still.
+        let cycle = ComplexMatrix6::from_fn(|i, j| {
+            Complex::from(if (i + 1) % LEGS == j { 1.0 } else { 0.0 })
+        });
+        let roots = core::array::from_fn(|i| Complex::cis(core::f64::consts::TAU * i as f64 / 6.0));
+        assert!(apart(&cycle, roots) < 1e-12);
+        assert_eq!(
+            eigenvalues(&ComplexMatrix6::zeros()),
+            Some([Complex::ZERO; LEGS])
+        );
+    }
+
+    #[test]
+    fn curves_are_continued() {
+        let from: [Complex<f64>; LEGS] = core::array::from_fn(|i| entry(i) * 10f64.powi(i as i32));
+        let mut moved = from.map(|x| x * Complex::new(1.05, 0.05));
+        let expected = moved;
+        moved.rotate_left(2);
+        assert_eq!(continued(&from, &moved), expected);
+    }
 }

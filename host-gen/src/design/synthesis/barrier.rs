@@ -248,8 +248,7 @@ impl Sector {
             let gp = product(g, &resolvent);
             let scale = (resolvent.trace() * eigenvalue).inv();
             // d(ln λ) = Σ y·dc/c.
-            let y: [Complex<f64>; K] =
-                core::array::from_fn(|k| gp[(k, k % LEGS)] * c[k] * scale);
+            let y: [Complex<f64>; K] = core::array::from_fn(|k| gp[(k, k % LEGS)] * c[k] * scale);
             let cot = eigenvalue.re / eigenvalue.im;
             let [value, by_u, twice] = felt(u);
             let slope = -2.0 * u * cot;
@@ -267,8 +266,8 @@ impl Sector {
                 level.slope -= 2.0 * u * by_u;
                 level.curvature += 4.0 * u * (twice * u + by_u);
                 let mixed = -2.0 * slope * (u * twice + by_u);
-                for k in 0..K {
-                    level.mixed[k] += Complex::new(y[k].im, -y[k].re) * mixed;
+                for (sum, y) in level.mixed.iter_mut().zip(&y) {
+                    *sum += Complex::new(y.im, -y.re) * mixed;
                 }
             }
         }

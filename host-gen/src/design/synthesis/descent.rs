@@ -6,7 +6,7 @@ use super::problem::{Expansion, Problem, Stage};
 use crate::progress::Progress;
 
 /// Factor from one weight to the next.
-const FACTOR: f64 = 4.0;
+const FACTOR: f64 = 2.0;
 
 /// Most Newton steps for one weight.
 const STEPS: usize = 25;

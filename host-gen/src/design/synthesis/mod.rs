@@ -175,8 +175,10 @@ impl Synthesis<'_> {
             return Some(x);
         }
         x.push((1.1 * excess).ln());
-        // What is far outside at the first weight does not get inside at the next.
-        for weight in [ROUGH, MIDDLE, FINE] {
+        // A low weight leads far away from where the limits are nearly kept.
+        let near = excess.ln() < NEAR;
+        let weights = if near { [FINE, FINER] } else { [ROUGH, MIDDLE] };
+        for weight in weights {
             let weights = [weight; 2];
             let enough = |x: &[f64]| x[n] < ENOUGH;
             x = descent::follow(
@@ -187,7 +189,8 @@ impl Synthesis<'_> {
                 self.progress,
                 enough,
             );
-            if x[n] < ENOUGH || x[n] > HOPELESS {
+            // What is far outside at the first weight does not get inside at the next.
+            if x[n] < ENOUGH || !near && x[n] > HOPELESS {
                 break;
             }
         }
@@ -451,6 +454,9 @@ const ENOUGH: f64 = -0.02;
 /// The same at which it is given up.
 const HOPELESS: f64 = 0.7;
 
+/// The same below which the limits are nearly kept.
+const NEAR: f64 = 0.4;
+
 /// Most searches, each with the points at which perturbed machines came close to a limit before.
 const ROUNDS: usize = 4;
 
@@ -462,8 +468,8 @@ const NEARLY: f64 = 1.05;
 const THINNED: usize = 2;
 
 /// Starts that are followed, and those of them that are refined.
-const STARTS: usize = 4;
-const REFINED: usize = 2;
+const STARTS: usize = 2;
+const REFINED: usize = 1;
 
 /// Weights of what is minimised beside the barriers: the first, the last to compare starts, the
 /// last to get inside the limits, and the last for the result. At that one the barriers keep a
@@ -472,6 +478,7 @@ const FIRST: f64 = 15.0;
 const ROUGH: f64 = 250.0;
 const MIDDLE: f64 = 1e3;
 const FINE: f64 = 4e3;
+const FINER: f64 = 1.6e4;
 
 /// Parameters are rounded to a multiple of this, so that the last bits of a processor's sums do
 /// not show.
