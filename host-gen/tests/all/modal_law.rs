@@ -152,10 +152,10 @@ fn better_than_a_pattern_search() {
 }
 
 /// A limit for the loop at high frequency holds on a sweep much denser than the search's; without
-/// it, the loop would exceed it.
+/// it, the loop would exceed it. No shape with which a search starts is within this one.
 #[test]
 fn the_loop_rolls_off_as_asked() {
-    let most = |roll_off: &str| {
+    let most = |roll_off: &str, order: f64| {
         let (study, table, _) = looped(&edited(&[
             ("control.law", "\"modal\""),
             ("control.roll_off", roll_off),
@@ -168,26 +168,29 @@ fn the_loop_rolls_off_as_asked() {
             let c = law.response(study.plant().z(hz));
             let l = -(to * (c * study.plant().response(hz).g22()) * from);
             let t = l * (Matrix6::identity() + l).try_inverse().unwrap();
-            t.singular_values().max() / (1000.0 / hz)
+            t.singular_values().max() / (1000.0 / hz).powf(order)
         });
         sigma.fold(0.0, f64::max)
     };
     let (with, without) = (
-        most("{ hz = 1000.0, order = 1.0 }"),
-        most("{ hz = 9e3, order = 1.0 }"),
+        most("{ hz = 1000.0, order = 2.0 }", 2.0),
+        most("{ hz = 9e3, order = 1.0 }", 2.0),
     );
     assert!(with <= 1.0 && without > 1.0, "{with} {without}");
 }
 
-/// Stable by eigenvalues and by Nyquist, the peak sensitivity no more than 2 and
-/// what the design says.
+/// Stable at every gain of the soft start by eigenvalues and at full gain by Nyquist, the peak
+/// sensitivity no more than 2 and what the design says.
 fn proven(study: &Study, table: &ValidTable, shaped: &Design) {
     let law = LinearLaw::new(table);
     let closed = SampledLoop {
         plant: study.plant(),
         law,
     };
-    assert!(stable(&closed.poles().unwrap()));
+    let starting: Vec<f64> = (0..=37)
+        .map(|n| 1e-3_f64.powf(f64::from(n) / 37.0))
+        .collect();
+    assert!(shaped.soft_start && closed.is_stable_with(&starting));
     assert_eq!(encirclements(study, &law), 0);
     let to = study.design_model().modal.transpose().map(Complex::from);
     let from = to.try_inverse().unwrap();
@@ -237,7 +240,7 @@ fn both_kinds_beat_either() {
     let (study, table, shaped) = both_frame();
     let (_, _, alone) = modal_frame();
     let gain = |i: usize| alone.bands[i].sampled_db - shaped.bands[i].sampled_db;
-    assert!(gain(0) > 3.0 && gain(1) > 9.0, "{} {}", gain(0), gain(1));
+    assert!(gain(0) > 20.0 && gain(1) > 0.0, "{} {}", gain(0), gain(1));
     assert!(shaped.isolation_from_hz < 1.4);
     proven(study, table, shaped);
 }
