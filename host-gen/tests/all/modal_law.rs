@@ -152,7 +152,7 @@ fn better_than_a_pattern_search() {
 }
 
 /// A limit for the loop at high frequency holds on a sweep much denser than the search's; without
-/// it, the loop would exceed it. No shape with which a search starts is within this one.
+/// it, the loop would exceed it.
 #[test]
 fn the_loop_rolls_off_as_asked() {
     let most = |roll_off: &str, order: f64| {

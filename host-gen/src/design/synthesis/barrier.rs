@@ -176,14 +176,20 @@ impl<const K: usize> Bounded<'_, K> {
 #[derive(Clone, Copy)]
 pub(super) struct Sector {
     /// The least |sin(arg λ)|.
-    pub(super) least: f64,
+    least: f64,
 }
 
-/// The least u at which a [`Sector`]'s barrier is not zero: with the sine three times as large as
-/// it may become.
-const FELT: f64 = 1.0 / 9.0;
+/// [`Sector::least`] as a part of what |1 + λ| is at the limit of σ_max(S), 1/γ.
+///
+/// On the circle over [−1, 0], |sin(arg λ)| is |1 + λ|, which S below its limit keeps above 1/γ. So
+/// the barrier is zero there, and has no step where an eigenvalue enters the circle.
+const SOFTLY: f64 = 1.0 / 3.0;
 
-/// Moved by this part of itself, an eigenvalue is none: what is nearer counts as equal to it.
+/// The least u at which a [`Sector`]'s barrier is not zero.
+const FELT: f64 = SOFTLY * SOFTLY;
+
+/// Distance from an eigenvalue to the point at which the resolvent gives its projection, as a part
+/// of the eigenvalue. Eigenvalues that are nearer to each other count as equal.
 const BESIDE: f64 = 1e-6;
 
 /// A barrier as a function of u, with two derivatives.
@@ -198,6 +204,13 @@ fn felt(u: f64) -> [f64; 3] {
 }
 
 impl Sector {
+    /// The sector for a loop with σ_max(S) below `limit`.
+    pub(super) fn new(limit: f64) -> Self {
+        Self {
+            least: SOFTLY / limit,
+        }
+    }
+
     /// u of an eigenvalue, if its barrier is not zero.
     pub(super) fn nearness(self, eigenvalue: Complex<f64>) -> Option<f64> {
         let square = eigenvalue.norm_sqr();

@@ -2,7 +2,8 @@
 //!
 //! All requirements are upper limits of σ_max of transfer matrices of the sampled loop on a grid
 //! of frequencies, on the machine of the file and on perturbed ones. Barriers keep the matrices
-//! below their limits, and the path of the barriers' minima leads to a local optimum.
+//! below their limits, and the path of the barriers' minima leads to a local optimum. The
+//! eigenvalues of the loop gain, followed over the same grid, tell whether a loop is stable.
 
 mod barrier;
 mod descent;

@@ -108,16 +108,10 @@ pub(super) struct Limits {
     pub(super) soft_start: bool,
 }
 
-/// The sine of an eigenvalue's angle to the negative real axis, as a part of what it is at the limit
-/// of the sensitivity, at least.
-const SOFTLY: f64 = 1.0 / 3.0;
-
 impl Limits {
     /// The sector that eigenvalues of L must leave free, if the loop must start softly.
     fn sector(self) -> Option<Sector> {
-        self.soft_start.then(|| Sector {
-            least: SOFTLY / self.modes,
-        })
+        self.soft_start.then(|| Sector::new(self.modes))
     }
 
     /// The limits on perturbed machines, of which no soft start is asked.
