@@ -217,8 +217,9 @@ while True:
 peak = max(r[12] for r in records) - 32768
 print(f"recorded {len(records)}, leg 1 up to {peak} codes")
 assert len(records) == 205 and peak > 1000 and all(r[13] == 32768 for r in records)
-# A sine of 50 Hz over a window: 10 N of the limit; 20·log10(√2) = 3 dB from peak to rms.
-board.done(8, varint(0) + f32(50.0) + legs + varint(3 * 5035))
+# A sine of 50 Hz over a window: 10 N of the limit; 20·log10(√2) = 3 dB from peak to rms. Ten
+# windows, so that the one that is read is whole even if this program is kept waiting for a second.
+board.done(8, varint(0) + f32(50.0) + legs + varint(10 * 5035))
 begun = board.levels()[0]
 while board.levels()[0] < begun + 2:
     time.sleep(0.01)
