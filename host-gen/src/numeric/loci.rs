@@ -8,22 +8,14 @@ use super::six::ComplexMatrix6;
 /// QR steps after which the iteration ends. Two or three find an eigenvalue.
 const STEPS: usize = 200;
 
-/// The magnitude up to a factor of √2, which needs no root.
-fn size(z: Complex<f64>) -> f64 {
-    z.re.abs() + z.im.abs()
-}
+/// The eigenvalues of a matrix.
+pub(crate) type Eigenvalues = [Complex<f64>; LEGS];
 
 /// Makes all entries below the first subdiagonal zero, by Gaussian elimination with pivots.
 fn make_hessenberg(h: &mut ComplexMatrix6) {
     for k in 1..LEGS - 1 {
-        let pivot = (k..LEGS).fold(k, |best, i| {
-            if size(h[(i, k - 1)]) > size(h[(best, k - 1)]) {
-                i
-            } else {
-                best
-            }
-        });
-        if size(h[(pivot, k - 1)]) == 0.0 {
+        let pivot = k + h.column(k - 1).rows_range(k..).icamax();
+        if h[(pivot, k - 1)] == Complex::ZERO {
             continue;
         }
         h.swap_rows(pivot, k);
@@ -59,7 +51,7 @@ fn shift(h: &ComplexMatrix6, last: usize) -> Complex<f64> {
     } else {
         half + root
     };
-    if size(far) == 0.0 {
+    if far == Complex::ZERO {
         d
     } else {
         d - product / far
@@ -69,7 +61,7 @@ fn shift(h: &ComplexMatrix6, last: usize) -> Complex<f64> {
 /// The eigenvalues of a matrix, in no particular order; none if the iteration does not converge.
 ///
 /// The QR iteration with one shift at a time, on the Hessenberg form.
-pub(crate) fn eigenvalues(matrix: &ComplexMatrix6) -> Option<[Complex<f64>; LEGS]> {
+pub(crate) fn eigenvalues(matrix: &ComplexMatrix6) -> Option<Eigenvalues> {
     let mut h = *matrix;
     make_hessenberg(&mut h);
     let mut found = [Complex::ZERO; LEGS];
@@ -79,8 +71,8 @@ pub(crate) fn eigenvalues(matrix: &ComplexMatrix6) -> Option<[Complex<f64>; LEGS
         // The first row of the part that no zero on the subdiagonal splits.
         let mut first = last;
         while first > 0 {
-            let around = size(h[(first, first)]) + size(h[(first - 1, first - 1)]);
-            if size(h[(first, first - 1)]) <= f64::EPSILON * around {
+            let around = h[(first, first)].l1_norm() + h[(first - 1, first - 1)].l1_norm();
+            if h[(first, first - 1)].l1_norm() <= f64::EPSILON * around {
                 break;
             }
             first -= 1;
@@ -100,7 +92,7 @@ pub(crate) fn eigenvalues(matrix: &ComplexMatrix6) -> Option<[Complex<f64>; LEGS
         }
         // Now and then another shift, so that no cycle lasts.
         let shift = if steps % 10 == 0 {
-            h[(last, last)] + size(h[(last, last - 1)])
+            h[(last, last)] + h[(last, last - 1)].l1_norm()
         } else {
             shift(&h, last)
         };
@@ -144,10 +136,7 @@ pub(crate) fn eigenvalues(matrix: &ComplexMatrix6) -> Option<[Complex<f64>; LEGS
 
 /// The eigenvalues `to` in the order in which they continue `from`, those nearest to each other
 /// first, relative to their magnitude.
-pub(crate) fn continued(
-    from: &[Complex<f64>; LEGS],
-    to: &[Complex<f64>; LEGS],
-) -> [Complex<f64>; LEGS] {
+pub(crate) fn continued(from: &Eigenvalues, to: &Eigenvalues) -> Eigenvalues {
     let mut ordered = *to;
     let mut pairs = [(0.0, 0, 0); LEGS * LEGS];
     for (i, a) in from.iter().enumerate() {

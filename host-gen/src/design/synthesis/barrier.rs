@@ -7,6 +7,7 @@
 use nalgebra::{Complex, SMatrix};
 use shared::LEGS;
 
+use crate::numeric::loci::Eigenvalues;
 use crate::numeric::products::{adjoint_product, product};
 use crate::numeric::six::ComplexMatrix6;
 
@@ -223,7 +224,7 @@ impl Sector {
     }
 
     /// The barrier of all eigenvalues; none if one is in the sector.
-    pub(super) fn value(self, eigenvalues: &[Complex<f64>; LEGS]) -> Option<f64> {
+    pub(super) fn value(self, eigenvalues: &Eigenvalues) -> Option<f64> {
         let mut sum = 0.0;
         for u in eigenvalues.iter().filter_map(|x| self.nearness(*x)) {
             if u >= 1.0 {
@@ -241,7 +242,7 @@ impl Sector {
         c: &[Complex<f64>; K],
         g: &Rows<K>,
         l: &ComplexMatrix6,
-        eigenvalues: &[Complex<f64>; LEGS],
+        eigenvalues: &Eigenvalues,
         sum: &mut Curvature<K>,
         mut level: Option<&mut LevelCurvature<K>>,
     ) -> bool {

@@ -137,22 +137,16 @@ impl Synthesis<'_> {
     ) -> Option<Vec<f64>> {
         let n = problem.parameters.count();
         let coarse = problem.thinned(THINNED, true);
-        let sorted = |problem: &Problem<K>, found: Vec<Vec<f64>>| {
-            let mut costs: Vec<_> = found.into_iter().map(|x| (problem.cost(&x), x)).collect();
-            costs.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-            costs.into_iter().map(|(_, x)| x).collect::<Vec<_>>()
-        };
         let tried = starts.par_iter().filter_map(|x| {
             let x = self.inside(&coarse, x.clone())?;
-            self.best(&coarse, x, [FIRST, ROUGH])
+            let x = self.best(&coarse, x, [FIRST, ROUGH])?;
+            Some((coarse.cost(&x), x))
         });
-        let mut tried = sorted(&coarse, tried.collect());
-        tried.truncate(REFINED);
-        let refined = tried.par_iter().filter_map(|x| {
-            let x = self.inside(problem, x[..n].to_vec())?;
-            self.best(problem, x, [ROUGH, FINE])
-        });
-        sorted(problem, refined.collect()).into_iter().next()
+        let tried: Vec<_> = tried.collect();
+        let (_, mut x) = tried.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        x.truncate(n);
+        let x = self.inside(problem, x)?;
+        self.best(problem, x, [ROUGH, FINE])
     }
 
     /// The points of the loops of the perturbed machines on which a design must hold.
@@ -180,13 +174,12 @@ impl Synthesis<'_> {
         let near = excess.ln() < NEAR;
         let weights = if near { [FINE, FINER] } else { [ROUGH, MIDDLE] };
         for weight in weights {
-            let weights = [weight; 2];
             let enough = |x: &[f64]| x[n] < ENOUGH;
             x = descent::follow(
                 problem,
                 Stage::Feasibility,
                 x,
-                weights,
+                [weight; 2],
                 self.progress,
                 enough,
             );
@@ -468,13 +461,13 @@ const NEARLY: f64 = 1.05;
 /// Every so many points of a grid are enough to tell which start is best.
 const THINNED: usize = 2;
 
-/// Starts that are followed, and those of them that are refined.
+/// Starts that are followed; what is best then is refined.
 const STARTS: usize = 2;
-const REFINED: usize = 1;
 
-/// Weights of what is minimised beside the barriers: the first, the last to compare starts, the
-/// last to get inside the limits, and the last for the result. At that one the barriers keep a
-/// level some hundredths of a dB above its minimum.
+/// Weights of what is minimised beside the barriers. For the result: the first, the last to compare
+/// starts, and the last of all, [`FINE`], at which the barriers keep a level some hundredths of a
+/// dB above its minimum. To get inside the limits: [`ROUGH`] and [`MIDDLE`] from far outside,
+/// [`FINE`] and [`FINER`] from nearby.
 const FIRST: f64 = 15.0;
 const ROUGH: f64 = 250.0;
 const MIDDLE: f64 = 1e3;

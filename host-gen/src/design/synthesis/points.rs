@@ -6,7 +6,7 @@ use nalgebra::{Complex, SMatrix};
 use shared::LEGS;
 
 use super::barrier::{Bounded, Curvature, LevelCurvature, Rows, Sector, add_square};
-use crate::numeric::loci::eigenvalues;
+use crate::numeric::loci::{Eigenvalues, eigenvalues};
 use crate::numeric::products::product;
 use crate::numeric::singular::largest_singular_value;
 use crate::numeric::six::ComplexMatrix6;
@@ -110,7 +110,7 @@ pub(super) struct Limits {
 
 impl Limits {
     /// The sector that eigenvalues of L must leave free, if the loop must start softly.
-    fn sector(self) -> Option<Sector> {
+    pub(super) fn sector(self) -> Option<Sector> {
         self.soft_start.then(|| Sector::new(self.modes))
     }
 
@@ -154,9 +154,6 @@ impl Widening<'_> {
         level.map_or(1.0, |level| self.levels[level].exp())
     }
 }
-
-/// The eigenvalues of L.
-pub(super) type Eigenvalues = [Complex<f64>; LEGS];
 
 /// What a point adds.
 pub(super) struct PointCost<const K: usize> {
@@ -391,11 +388,10 @@ impl<const K: usize> Point<K> {
         Some((bounded.value()?, 0.0, None))
     }
 
-    /// The largest factor by which a term at this point exceeds its limit, or, for a level, its
-    /// limit at level 0.
+    /// The largest factor by which a matrix at this point exceeds its limit, or, for a level, its
+    /// limit at level 0. This leaves out the eigenvalues.
     pub(super) fn excess(&self, c: &[Complex<f64>; K], openings: &Openings, limits: Limits) -> f64 {
-        let l = self.loop_gain(c);
-        let Some(s) = sensitivity(&l) else {
+        let Some(s) = sensitivity(&self.loop_gain(c)) else {
             return f64::INFINITY;
         };
         let mut highest = 0.0_f64;
@@ -405,13 +401,6 @@ impl<const K: usize> Point<K> {
                     highest = highest.max(largest(bounded.v) / bounded.limit);
                     true
                 });
-                if let Some(sector) = limits.sector() {
-                    let Some(eigenvalues) = eigenvalues(&l) else {
-                        return f64::INFINITY;
-                    };
-                    let near = eigenvalues.iter().filter_map(|x| sector.nearness(*x));
-                    highest = near.map(f64::sqrt).fold(highest, f64::max);
-                }
             }
             Purpose::Output(output) => {
                 if let Goal::Below { limit, .. } = output.goal {
