@@ -108,6 +108,10 @@ enum Command {
     ///
     /// Example: host-gen design models/metrology-frame.toml --chart
     Design(DesignArguments),
+    /// Show what no controller can pass: certified bounds beside what the design reaches.
+    ///
+    /// Example: host-gen bound models/metrology-frame.toml --format json
+    Bound(Common),
     /// Design the controller and write its table for the firmware, with a summary of
     /// modes, gains and simulation.
     ///
@@ -195,6 +199,7 @@ fn run(command: &Command, searcher: &Searcher) -> Result<(), Failure> {
         Command::Plant(arguments) => command::plant::plant(arguments),
         Command::Compare(arguments) => command::compare::compare(arguments, searcher),
         Command::Design(arguments) => command::design::design(arguments, searcher),
+        Command::Bound(common) => command::bound::bound(common, searcher),
         Command::Generate(arguments) => command::table::generate(arguments, searcher),
         Command::Report(arguments) => command::report::report(arguments, searcher),
         Command::Watch(arguments) => command::watch::watch(arguments, searcher),

@@ -104,6 +104,9 @@ enum Task {
     /// How long singular values and the closed loop take, and beside them the
     /// same in NumPy and SciPy where there is a Python with them.
     Speed,
+    /// Certificates of bounds from matrices, table and certificate alone, and by ECOS, a solver
+    /// from PyPI. Not part of `test`.
+    Bound,
     /// Natural frequencies against Exudyn, a multibody program from PyPI, for
     /// whoever has a Python with it.
     Exudyn,
@@ -196,6 +199,7 @@ fn main() -> ExitCode {
         Task::Docs(setup) => docs(&setup),
         Task::Deny(setup) => deny(&setup),
         Task::Speed => speed(),
+        Task::Bound => bound(),
         Task::Exudyn => exudyn(),
         Task::Build(setup) => Tools::find(!setup.no_install).and_then(|tools| {
             for board in &BOARDS {
@@ -570,6 +574,32 @@ fn exudyn() -> Outcome<()> {
         run(python().args(["tests/external/exudyn_modes.py", machine, file]))?;
     }
     Ok(())
+}
+
+/// What tests/external/bound.py checks: the paper's machine with a roll-off.
+fn bound() -> Outcome<()> {
+    if !python_has("ecos, numpy, scipy") {
+        return Err("no python3 with ECOS here; pip install ecos numpy scipy".to_owned());
+    }
+    let folder = "target/bound";
+    let failed = |error: std::io::Error| format!("{folder}: {error}");
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let paper = "models/metrology-frame.toml";
+    let text = std::fs::read_to_string(paper).map_err(failed)?;
+    let asked = "[control]\nroll_off = { hz = 1000, order = 2 }";
+    let machine = &format!("{folder}/machine.toml");
+    let [json, table] = ["bound.json", "table.rs"].map(|name| format!("{folder}/{name}"));
+    std::fs::write(machine, text.replace("[control]", asked)).map_err(failed)?;
+    run(&mut host_gen(&["generate", machine, "--table", &table]))?;
+    run(&mut host_gen(&[
+        "plant",
+        machine,
+        "--matrix-market",
+        folder,
+    ]))?;
+    let file = std::fs::File::create(&json).map_err(failed)?;
+    run(host_gen(&["bound", machine, "--format", "json"]).stdout(file))?;
+    run(python().args(["tests/external/bound.py", &json, &table, folder]))
 }
 
 fn host_gen(arguments: &[&str]) -> Command {

@@ -1,5 +1,6 @@
 //! The commands.
 
+pub mod bound;
 pub mod campaign;
 pub mod compare;
 pub mod design;

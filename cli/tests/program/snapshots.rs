@@ -55,7 +55,7 @@ fn folder() -> tempfile::TempDir {
 fn results_as_text() {
     let folder = folder();
     let table = ["--table", "table.rs"];
-    let commands: [(&str, &[&str]); 14] = [
+    let commands: [(&str, &[&str]); 15] = [
         ("modes", &[]),
         ("gains", &[]),
         ("zeros", &[]),
@@ -65,6 +65,7 @@ fn results_as_text() {
         ("plant", &[]),
         ("robust", &["--samples", "5"]),
         ("design", &[]),
+        ("bound", &[]),
         ("compare", &["--by-feedback"]),
         ("simulate", &[]),
         ("generate", &table),

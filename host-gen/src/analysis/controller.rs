@@ -3,6 +3,7 @@
 
 use serde::Serialize;
 
+use super::bound::{Room, room};
 use super::delay::DelayBudget;
 use super::isolation::{AT, ModeIsolation};
 use super::other_boards::{OtherBoard, other_boards};
@@ -22,6 +23,8 @@ pub struct DesignAnalysis {
     model_sha256: String,
     pub(crate) feedback: &'static str,
     pub(crate) shaped: Design,
+    /// With a roll-off only.
+    pub(crate) room: Option<Room>,
     pub(crate) isolation_at_hz: [f64; AT.len()],
     pub(crate) modes: Vec<ModeIsolation>,
     pub(crate) margins: Margins,
@@ -53,6 +56,7 @@ impl DesignAnalysis {
             ),
             delay: DelayBudget::new(&machine.board),
             rounding: rounding(machine, &design.table),
+            room: room(study, &design)?,
             chart: Vec::new(),
             shaped: design,
         })

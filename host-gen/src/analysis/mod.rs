@@ -3,6 +3,7 @@
 
 use nalgebra::{Dim, Matrix, RawStorage};
 
+pub mod bound;
 pub mod compare;
 pub mod controller;
 pub mod criterion;

@@ -137,19 +137,40 @@ impl LoopGrid {
         }
     }
 
-    /// The highest σ_max(T) with `law` as a part of the `limit`, and its frequency, Hz; with the loop
-    /// opened at the modal forces, T = 1 − (1 + L)⁻¹.
-    pub fn roll_off(&self, law: &LinearLaw, limit: &RollOff) -> RollOffUse {
+    /// Each frequency, Hz, with σ_max(T) there with `law`; with the loop opened at the modal forces,
+    /// T = 1 − (1 + L)⁻¹.
+    fn complementary(&self, law: &LinearLaw) -> impl DoubleEndedIterator<Item = (f64, f64)> {
         let one = ComplexMatrix6::identity();
-        let used = self.points.iter().filter(|(hz, ..)| *hz >= limit.hz);
-        let used = used.map(|(hz, z, g22)| {
+        self.points.iter().map(move |(hz, z, g22)| {
             let difference = self.return_difference(Opening::Modes, g22, &law.response(*z));
             let sensitivity = difference.try_inverse();
             let highest = sensitivity.map(|s| (one - s).singular_values().max());
-            RollOffUse {
-                part: highest.unwrap_or(f64::INFINITY) / limit.limit(*hz),
-                at: *hz,
+            (*hz, highest.unwrap_or(f64::INFINITY))
+        })
+    }
+
+    /// The lowest frequency, Hz, from which on σ_max(T) with `law` keeps a roll-off of this `order`,
+    /// as [`RollOff`]; half the sample rate if it keeps none below that.
+    pub fn lowest_roll_off(&self, law: &LinearLaw, order: f64) -> f64 {
+        let mut needed = self.points.last().map_or(0.0, |(hz, ..)| *hz);
+        let mut highest = 0.0_f64;
+        for (hz, size) in self.complementary(law).rev() {
+            // From here on, the limit would have to begin at `highest` or above.
+            highest = highest.max(hz * size.powf(order.recip()));
+            if highest > hz {
+                return needed.max(hz);
             }
+            needed = highest;
+        }
+        needed
+    }
+
+    /// The highest σ_max(T) with `law` as a part of the `limit`, and its frequency, Hz.
+    pub fn roll_off(&self, law: &LinearLaw, limit: &RollOff) -> RollOffUse {
+        let used = self.complementary(law).filter(|(hz, _)| *hz >= limit.hz);
+        let used = used.map(|(hz, highest)| RollOffUse {
+            part: highest / limit.limit(hz),
+            at: hz,
         });
         let none = RollOffUse {
             part: 0.0,

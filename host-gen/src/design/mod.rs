@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+pub mod bound;
 pub mod cache;
 pub mod outcome;
 mod perturbed;

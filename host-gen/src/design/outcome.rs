@@ -179,7 +179,7 @@ impl core::fmt::Display for Advice {
                 "The nearest frequency found that can be reached with the same damping: control.frequency = {hz}. A shorter delay (board.sample_rate, conversion_delay, output_delay) or a higher control.max_sensitivity also helps"
             ),
             Self::NoFrequency => f.write_str(
-                "No frequency between it and the suspension modes was found that can be reached with this damping. Shorten the delay (board.sample_rate, conversion_delay, output_delay) or raise control.max_sensitivity",
+                "No frequency between it and the suspension modes was found that can be reached with this damping. Shorten the delay (board.sample_rate, conversion_delay, output_delay) or raise control.max_sensitivity, or control.roll_off.hz if there is one",
             ),
             Self::OtherShapes => f.write_str(
                 "Change control.shapes, or remove it to search for shapes",

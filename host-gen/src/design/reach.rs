@@ -8,6 +8,7 @@ use nalgebra::Complex;
 use shared::LEGS;
 use shared::supervisor::GENTLE;
 
+use super::bound::{ByControllers, widening};
 use super::outcome::{Advice, Band, Below, Design, DesignError, Refusal, Shaping};
 use super::perturbed::{drawn, perturbed};
 use super::roll_off::highest_corner;
@@ -84,7 +85,7 @@ pub(super) fn search(
         Err(Miss::Error(error)) => return Err(error),
         Err(miss) => miss,
     };
-    let reason = reach.reason(&miss)?;
+    let reason = reach.reason(&miss)? + &reach.certified()?;
     let (advice, both) = match given {
         Some(_) => (Advice::OtherShapes, None),
         None => {
@@ -229,6 +230,23 @@ impl<'a> Reach<'a> {
             };
         }
         Ok(reason)
+    }
+
+    /// What no controller can do, if a certificate was found for it: the continuation of a reason.
+    fn certified(&self) -> Result<String, NumericError> {
+        let needed = |who: &str, factor: f64| {
+            format!(
+                "; {who} of any order meets these requirements: peak sensitivity, roll-off and isolation would all have to be at least {factor:.2} times as wide (host-gen bound)"
+            )
+        };
+        let ByControllers { modal, any } = widening(self.study)?;
+        Ok(match (modal, any) {
+            (_, Some(factor)) => needed("no controller", factor),
+            (Some(factor), None) => {
+                needed("no controller that feeds back each mode by itself", factor)
+            }
+            (None, None) => String::new(),
+        })
     }
 
     /// The lowest frequency found that is reached with both kinds of sensors, Hz, if the machine

@@ -1,5 +1,6 @@
 //! Numerics that nalgebra and faer do not have.
 
+pub(crate) mod discs;
 pub mod eigen;
 pub mod frequencies;
 pub(crate) mod loci;

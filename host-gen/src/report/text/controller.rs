@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::aligned::TITLE;
+use super::bound::write_room;
 use super::loops::write_design;
 use super::shapes::write_shapes;
 use crate::analysis::controller::DesignAnalysis;
@@ -18,6 +19,9 @@ impl Display for DesignAnalysis {
             self.machine, self.feedback
         )?;
         write_design(f, &self.shaped)?;
+        if let Some(room) = &self.room {
+            write_room(f, room)?;
+        }
         let micro = |s: f64| 1e6 * s;
         let DelayBudget {
             latch,

@@ -2,6 +2,7 @@
 //! terminal.
 
 mod aligned;
+mod bound;
 mod compare;
 mod controller;
 mod faults;

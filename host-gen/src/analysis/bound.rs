@@ -1,0 +1,133 @@
+//! What no controller can pass, beside what the design reaches.
+
+use serde::Serialize;
+
+use crate::closed_loop::{LoopGrid, SLOWEST, SampledLoop};
+use crate::design::bound::{Asked, Bounds, ByControllers, ModeBound};
+use crate::design::{Band, Design, Study};
+use crate::machine::RollOff;
+use crate::numeric::NumericError;
+use crate::numeric::frequencies::pole_peaks;
+
+/// Result of `host-gen bound`: certified bounds for a machine and its board.
+#[derive(Debug, Serialize)]
+pub struct BoundAnalysis {
+    pub(crate) machine: String,
+    model_sha256: String,
+    pub(crate) feedback: &'static str,
+    pub(crate) both: bool,
+    pub(crate) delay_samples: usize,
+    pub(crate) sample_rate: f64,
+    pub(crate) max_sensitivity: f64,
+    /// From where to where the machine as a whole must be isolated, Hz.
+    pub(crate) isolated_hz: [f64; 2],
+    /// That of the file, else that of the design.
+    pub(crate) roll_off: Option<RollOff>,
+    /// Whether the file asks for the roll-off.
+    pub(crate) asked: bool,
+    #[serde(flatten)]
+    pub(crate) bounds: BoundsOf,
+}
+
+/// What is bounded.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum BoundsOf {
+    /// The bands of a design.
+    Design {
+        reached: Vec<Band>,
+        /// For each band by itself: bounds of the highest σ_max(G11), dB.
+        bands: Vec<Vec<ModeBound>>,
+        /// For all bands at once, as a part of what is reached, dB.
+        together: Vec<ModeBound>,
+    },
+    /// Without a design: by how much all requirements must be widened before a controller can meet
+    /// them, dB.
+    Requirements(Vec<ModeBound>),
+}
+
+/// The order of the roll-off that is compared with where the file asks for none.
+const ORDER: f64 = 2.0;
+
+impl BoundAnalysis {
+    /// The bounds for `study`, beside what `design` reaches if there is one.
+    ///
+    /// # Errors
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
+    pub fn new(study: &Study, design: Option<&Design>) -> Result<Self, NumericError> {
+        let machine = study.machine();
+        let asked = machine.target.roll_off;
+        let roll_off = match (asked, design) {
+            (None, Some(design)) => Some(own_roll_off(study, design)?),
+            _ => asked,
+        };
+        let bounds = Bounds::new(study, roll_off)?;
+        let alone = |design: &Design| {
+            let count = design.bands.len();
+            let of = (0..count).map(|band| {
+                let levels: Vec<_> = (0..count).map(|k| (k == band).then_some(0.0)).collect();
+                bounds.of(Asked::Bands(&levels))
+            });
+            of.collect()
+        };
+        Ok(Self {
+            machine: machine.name.clone(),
+            model_sha256: machine.digest.to_string(),
+            feedback: study.design_model().feedback.name(),
+            both: study.design_model().beside.is_some(),
+            delay_samples: study.plant().seen_delay(),
+            sample_rate: machine.board.sample_rate,
+            max_sensitivity: machine.target.max_sensitivity,
+            isolated_hz: bounds.isolated(),
+            roll_off,
+            asked: asked.is_some(),
+            bounds: match design {
+                Some(design) => BoundsOf::Design {
+                    bands: alone(design),
+                    together: together(&bounds, design),
+                    reached: design.bands.clone(),
+                },
+                None => BoundsOf::Requirements(bounds.of(Asked::Requirements)),
+            },
+        })
+    }
+}
+
+/// Bounds for all bands at once, as a part of what `design` reaches.
+fn together(bounds: &Bounds<'_>, design: &Design) -> Vec<ModeBound> {
+    let levels = design.bands.iter().map(|band| Some(band.sampled_db));
+    bounds.of(Asked::Bands(&levels.collect::<Vec<_>>()))
+}
+
+/// The lowest roll-off of second order that the loop of `design` keeps.
+fn own_roll_off(study: &Study, design: &Design) -> Result<RollOff, NumericError> {
+    let sampled = SampledLoop::new(study.plant(), &design.table);
+    let sharp = pole_peaks(&sampled.poles()?);
+    let low = SLOWEST * study.machine().target.frequency;
+    let model = study.design_model();
+    let grid = LoopGrid::new(study.plant(), &model.modal, low, &sharp);
+    // Upward to a round number.
+    let hz = 10.0 * (grid.lowest_roll_off(&sampled.law, ORDER) / 10.0).ceil();
+    Ok(RollOff { hz, order: ORDER })
+}
+
+/// By how much all bands of a design can be lowered at most, dB; none where no certificate says so.
+pub type Room = ByControllers<Option<f64>>;
+
+/// The room that `design` leaves, if its study has a limit at high frequency: without one, a
+/// machine that is known exactly can be isolated far better than a real one.
+///
+/// # Errors
+/// [`NumericError`] if an eigenvalue iteration does not converge.
+pub(super) fn room(study: &Study, design: &Design) -> Result<Option<Room>, NumericError> {
+    let Some(roll_off) = study.machine().target.roll_off else {
+        return Ok(None);
+    };
+    let modes = together(&Bounds::new(study, Some(roll_off))?, design);
+    Ok(Some(least(&modes)))
+}
+
+/// The least room of all modes, dB.
+pub(crate) fn least(modes: &[ModeBound]) -> Room {
+    ByControllers::most(modes).map(|db| db.map(|db| -db))
+}
