@@ -13,7 +13,8 @@ use crate::search::{Bar, Searcher, study};
 pub struct DesignArguments {
     #[command(flatten)]
     common: Common,
-    /// Also design for other sample rates and delays; this takes half a minute more.
+    /// Also design for twice the sample rate, and with samples in the middle of a hold; this takes
+    /// half a minute more.
     #[arg(long)]
     chart: bool,
 }

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::delay::{in_hold, middles};
 use crate::design::{Cache, DesignError, Effort, Search, Study, StudyError};
-use crate::machine::Machine;
+use crate::machine::{Board, Machine};
 use crate::progress::Progress;
 
 /// The result of a rough design for another board.
@@ -12,14 +13,16 @@ use crate::progress::Progress;
 pub(crate) struct OtherBoard {
     pub(crate) sample_rate: f64,
     pub(crate) whole_delay: f64,
+    /// Where a sample lies in a hold, as [`in_hold`].
+    pub(crate) in_hold: f64,
     /// Highest σ_max(G11) in each band, dB; empty if no controller was found that reaches
     /// the target.
     pub(crate) sampled_db: Vec<f64>,
 }
 
-/// Rough designs at the sample rate of the file and at twice that rate, each with the
-/// outputs latched as in the file, 10 µs and 20 µs earlier, and 10 µs later. A board
-/// whose outputs would be latched before the sample is left out.
+/// Rough designs at the sample rate of the file and at twice that rate: with the outputs latched
+/// as in the file, and with the two delays next to it with which a sample lies in the middle of a
+/// hold, the longest first. A board whose outputs would be latched before the sample is left out.
 pub(crate) fn other_boards(
     machine: &Machine,
     cache: Option<&Cache>,
@@ -27,14 +30,19 @@ pub(crate) fn other_boards(
 ) -> Result<Vec<OtherBoard>, StudyError> {
     let mut boards = Vec::new();
     for rate in [1.0, 2.0] {
-        for later in [10e-6, 0.0, -10e-6, -20e-6] {
+        let mut board = machine.board;
+        board.sample_rate *= rate;
+        let [above, below] = middles(&board);
+        let mut delays = vec![above, board.latch_delay, below];
+        delays.retain(|delay| *delay >= 0.0);
+        delays.dedup();
+        for latch_delay in delays {
             let mut machine = machine.clone();
-            let board = &mut machine.board;
-            board.sample_rate *= rate;
-            board.latch_delay += later;
-            if board.latch_delay >= 0.0 {
-                boards.push(machine);
-            }
+            machine.board = Board {
+                latch_delay,
+                ..board
+            };
+            boards.push(machine);
         }
     }
     boards
@@ -55,6 +63,7 @@ pub(crate) fn other_boards(
             Ok(OtherBoard {
                 sample_rate: board.sample_rate,
                 whole_delay: board.whole_delay(),
+                in_hold: in_hold(&board),
                 sampled_db,
             })
         })

@@ -29,6 +29,8 @@ impl Display for DesignAnalysis {
             amplifier,
             sensor,
             whole,
+            in_hold,
+            middle,
         } = &self.delay;
         writeln!(
             f,
@@ -39,6 +41,19 @@ impl Display for DesignAnalysis {
             micro(*sensor),
             micro(*whole)
         )?;
+        write!(
+            f,
+            "  a sample lies at {in_hold:.2} of the hold of the force that it measures"
+        )?;
+        if (in_hold - 0.5).abs() < 0.005 {
+            writeln!(f)?;
+        } else {
+            writeln!(
+                f,
+                ", in its middle with {:.1} µs from sample to latch",
+                micro(*middle)
+            )?;
+        }
         writeln!(
             f,
             "{TITLE}How each mode follows the floor motion in its own shape{TITLE:#}"
@@ -122,7 +137,7 @@ impl Display for DesignAnalysis {
         }
         writeln!(f)?;
         if !self.chart.is_empty() {
-            write!(f, "Other boards, roughly   delay")?;
+            write!(f, "Other boards, roughly   delay    in hold")?;
             for band in &self.shaped.bands {
                 write!(f, " {:>14}", band.name)?;
             }
@@ -131,9 +146,10 @@ impl Display for DesignAnalysis {
         for cell in &self.chart {
             write!(
                 f,
-                "  {:>8.0} Hz     {:>6.1} µs  ",
+                "  {:>8.0} Hz     {:>6.1} µs {:>10.2}  ",
                 cell.sample_rate,
-                micro(cell.whole_delay)
+                micro(cell.whole_delay),
+                cell.in_hold
             )?;
             for db in &cell.sampled_db {
                 write!(f, " {db:>11.1} dB")?;
