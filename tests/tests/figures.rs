@@ -99,7 +99,13 @@ fn all() -> Vec<Figure> {
     let [frame, low] = ["metrology-frame", "low-parasitic"].map(machine);
     let others = ["both-sensors", "nucleo-h743", "nucleo-h743-fast"].map(machine);
     let kinds = [&frame, &low].map(Machine::by_feedback).concat();
-    let designed = designs([kinds, others.to_vec()].concat());
+    // The frame's outputs in the middle of a hold.
+    let latched = [25e-6, 75e-6].map(|latch_delay| {
+        let mut machine = frame.clone();
+        machine.board.latch_delay = latch_delay;
+        machine
+    });
+    let designed = designs([kinds, others.to_vec(), latched.to_vec()].concat());
     let [
         acceleration,
         force,
@@ -110,9 +116,11 @@ fn all() -> Vec<Figure> {
         sensors,
         nucleo,
         fast,
+        sooner,
+        later,
     ] = &designed[..]
     else {
-        panic!("three kinds of feedback of two machines, and three machines");
+        panic!("three kinds of feedback of two machines, and five machines");
     };
     // As the table in docs/loop.md says.
     assert!(force.design.is_err());
@@ -169,6 +177,12 @@ fn all() -> Vec<Figure> {
         figure(README, "the design reaches {} dB in the suspension band and {} dB in the internal one",
             &bands(nucleo)),
 
+        figure(LOOP, "| {} µs from sample to latch | 0.50 | {} / {} dB |",
+            &[vec![us * latched[0].board.latch_delay], bands(sooner).to_vec()].concat()),
+        figure(LOOP, "| {} µs, the file | 1.00 | {} / {} dB |",
+            &[vec![us * board.latch_delay], bands(acceleration).to_vec()].concat()),
+        figure(LOOP, "| {} µs | 0.50 | {} / {} dB |",
+            &[vec![us * latched[1].board.latch_delay], bands(later).to_vec()].concat()),
         figure(LOOP, "high-passes at {}·f_n", &[design.ac_coupling_hz / target.frequency]),
         figure(LOOP, "The integrals leak at {}·f_n", &[design.leak_hz / target.frequency]),
         figure(LOOP, "At {} kHz, a coefficient 1 − c with c = {}·10⁻⁶ keeps only {} bits of c",

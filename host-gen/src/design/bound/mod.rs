@@ -19,8 +19,6 @@ mod limits;
 mod programme;
 mod test_function;
 
-use core::f64::consts::LN_10;
-
 use nalgebra::{Complex, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -88,21 +86,6 @@ impl<T> ByControllers<T> {
     }
 }
 
-/// By how much all requirements of a study's target must be widened before a controller can meet
-/// them, a factor above 1: with modal controllers, and with any. None where no certificate says so.
-///
-/// # Errors
-/// [`NumericError`] if an eigenvalue iteration does not converge.
-pub(super) fn widening(study: &Study) -> Result<ByControllers<Option<f64>>, NumericError> {
-    let bounds = Bounds::new(study, study.machine().target.roll_off)?;
-    Ok(
-        ByControllers::most(&bounds.of(Asked::Requirements)).map(|db| {
-            let factor = db.map(|db| (LN_10 / 20.0 * db).exp());
-            factor.filter(|factor| *factor > 1.0)
-        }),
-    )
-}
-
 /// A bound of one mode. Modes with equal frequencies have equal ones and count once.
 #[derive(Clone, Debug, Serialize)]
 pub struct ModeBound {
@@ -122,6 +105,21 @@ pub enum Asked<'a> {
     Bands(&'a [Option<f64>]),
     /// The factor by which all requirements must be widened: above 0 dB, no controller meets them.
     Requirements,
+}
+
+/// By how much all requirements of a study's target must be widened before a controller can meet
+/// them, a factor above 1: with modal controllers, and with any. None where no certificate says so.
+///
+/// # Errors
+/// [`NumericError`] if an eigenvalue iteration does not converge.
+pub(super) fn widening(study: &Study) -> Result<ByControllers<Option<f64>>, NumericError> {
+    let bounds = Bounds::new(study, study.machine().target.roll_off)?;
+    Ok(
+        ByControllers::most(&bounds.of(Asked::Requirements)).map(|db| {
+            let factor = db.map(factor);
+            factor.filter(|factor| *factor > 1.0)
+        }),
+    )
 }
 
 /// The bounds of a study.
@@ -160,6 +158,11 @@ const FINE: [f64; 2] = [100.0, 200.0];
 
 /// Levels between which a certificate's is found, dB.
 const LEVELS: [f64; 2] = [-140.0, 80.0];
+
+/// The factor of a level, dB.
+fn factor(db: f64) -> f64 {
+    10f64.powf(0.05 * db)
+}
 
 impl<'a> Bounds<'a> {
     /// Prepares the bounds of the modes of `study` with the peak sensitivity and the corner of
@@ -216,7 +219,7 @@ impl<'a> Bounds<'a> {
 
     /// The best certificates found for each mode.
     pub fn of(&self, asked: Asked<'_>) -> Vec<ModeBound> {
-        let level = |db: &Option<f64>| db.map(|db| (LN_10 / 20.0 * db).exp());
+        let level = |db: &Option<f64>| db.map(factor);
         let levels: Vec<_>;
         let question = match asked {
             Asked::Bands(db) => {
@@ -292,7 +295,7 @@ fn highest_level(function: &TestFunction, samples: &[Sample]) -> Option<f64> {
         .map(|sample| (function.at(sample.z) * sample.weight, &sample.limits))
         .collect();
     let positive = |db: f64| {
-        let factor = (LN_10 / 20.0 * db).exp();
+        let factor = factor(db);
         let least = |(phi, limits): &(Complex<f64>, &Vec<Limit>)| {
             let discs: Vec<_> = limits.iter().map(|limit| limit.at(factor)).collect();
             least(*phi, &discs)

@@ -97,8 +97,7 @@ fn a_loop_is_orthogonal_and_within_its_limits() {
     let db: Vec<_> = design.bands.iter().map(|band| band.sampled_db).collect();
     let levels: Vec<_> = db.iter().copied().map(Some).collect();
     let found = bounds.of(Asked::Bands(&levels));
-    let level = |db: f64| 10f64.powf(0.05 * db);
-    let linear: Vec<_> = db.iter().map(|db| Some(level(*db))).collect();
+    let linear: Vec<_> = db.iter().map(|db| Some(factor(*db))).collect();
     let mut certified = 0;
     for (mode, prepared) in found.iter().zip(&bounds.modes) {
         let k = mode.mode - 1;
