@@ -80,6 +80,11 @@ impl DesignModel {
         })
     }
 
+    /// Groups of modes with equal natural frequencies, as ranges of indices.
+    pub(crate) fn groups(&self) -> Vec<Range<usize>> {
+        alike(&self.omega.map(|omega| omega * omega))
+    }
+
     /// Natural frequencies of the design model, Hz, ascending.
     pub fn hertz(&self) -> [f64; LEGS] {
         self.omega.map(|w| w / core::f64::consts::TAU)

@@ -190,8 +190,8 @@ impl<'a> Limits<'a> {
         bands.chain(self.isolated()).chain(roll_off).collect()
     }
 
-    /// All modes at `hz`, Hz.
-    pub(super) fn see(&self, hz: f64) -> [Seen; LEGS] {
+    /// Mode `k` at `hz`, Hz.
+    pub(super) fn see(&self, hz: f64, k: usize) -> Seen {
         let sampled = self.study.plant();
         let plant = &sampled.plant;
         let response = sampled.response(hz);
@@ -215,18 +215,16 @@ impl<'a> Limits<'a> {
                 &(response.from_floor(rows) * floor),
             )
         });
-        core::array::from_fn(|k| {
-            let motions = |outputs: &Outputs, unit: f64| {
-                [outputs.modal(k, &modal, unit), outputs.any(k, &modal, unit)]
-            };
-            Seen {
-                hz,
-                own: own[(k, k)],
-                whole: motions(&whole, 1.0),
-                // Along a floor motion of size 1.
-                performance: motions(&performance, plant.rigid_floor.column(k).norm()),
-            }
-        })
+        let motions = |outputs: &Outputs, unit: f64| {
+            [outputs.modal(k, &modal, unit), outputs.any(k, &modal, unit)]
+        };
+        Seen {
+            hz,
+            own: own[(k, k)],
+            whole: motions(&whole, 1.0),
+            // Along a floor motion of size 1.
+            performance: motions(&performance, plant.rigid_floor.column(k).norm()),
+        }
     }
 
     /// The limits of t at the frequency of `seen` for a `question`.

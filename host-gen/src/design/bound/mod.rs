@@ -27,12 +27,11 @@ pub use test_function::{Term, TestFunction};
 
 use limits::{Controllers, Limit, Limits, Question};
 use programme::{Sample, solve};
-use test_function::Pole;
 
 use super::Study;
 use crate::closed_loop::SLOWEST;
+use crate::control::shape::Resonance;
 use crate::machine::{FeedbackKind, RollOff};
-use crate::model::design_model::alike;
 use crate::numeric::NumericError;
 use crate::numeric::discs::least;
 use crate::numeric::frequencies::pole_peaks;
@@ -132,7 +131,7 @@ pub struct Bounds<'a> {
 /// A mode with what all its certificates share.
 struct Prepared {
     index: usize,
-    poles: Vec<Pole>,
+    poles: Vec<Resonance>,
     /// The grid of the programme.
     coarse: Grid,
     /// Those on which a certificate is verified.
@@ -187,9 +186,7 @@ impl<'a> Bounds<'a> {
         edges.dedup();
         let groups = match machine.target.feedback {
             FeedbackKind::Both => Vec::new(),
-            FeedbackKind::Acceleration | FeedbackKind::Force => {
-                alike(&study.design_model().omega.map(|omega| omega * omega))
-            }
+            FeedbackKind::Acceleration | FeedbackKind::Force => study.design_model().groups(),
         };
         let prepare = |index: usize| {
             let poles = poles(&limits, index, &edges, &peaks);
@@ -319,20 +316,20 @@ fn highest_level(function: &TestFunction, samples: &[Sample]) -> Option<f64> {
 
 /// Poles of test functions for a mode: lags over all frequencies, and resonances at the edges of
 /// limits and where the mode's own response has a resonance or a zero.
-fn poles(limits: &Limits<'_>, mode: usize, edges: &[f64], peaks: &[(f64, f64)]) -> Vec<Pole> {
+fn poles(limits: &Limits<'_>, mode: usize, edges: &[f64], peaks: &[(f64, f64)]) -> Vec<Resonance> {
     let highest = edges[edges.len() - 1];
     let lowest = FROM * limits.isolated()[0];
     let count = (PER_DECADE * (highest / lowest).log10()).ceil();
-    let lags = (0..count as u32).map(|k| Pole {
+    let lags = (0..count as u32).map(|k| Resonance {
         hz: lowest * (highest / lowest).powf(f64::from(k) / count),
         damping: 1.0,
     });
     let rungs = || (1..=RUNGS).map(|k| RUNG.powi(-k));
-    let at = |hz: f64| move |damping: f64| Pole { hz, damping };
+    let at = |hz: f64| move |damping: f64| Resonance { hz, damping };
     let inner = &edges[1..edges.len() - 1];
     let edges = inner.iter().flat_map(|hz| rungs().map(at(*hz)));
     let own = peaks.iter().filter(|(hz, width)| {
-        let size = |hz: f64| limits.see(hz)[mode].own.norm();
+        let size = |hz: f64| limits.see(hz, mode).own.norm();
         let beside = [hz - 10.0 * width, hz + 10.0 * width].map(size);
         let ratio = size(*hz) / (beside[0] * beside[1]).sqrt();
         !(1.0 / OWN..=OWN).contains(&ratio)
@@ -369,13 +366,9 @@ fn grid(
     let mut at = nodes(breaks, singular, |_| 0.0);
     // The rest down to 0 Hz.
     at.push((0.5 * lowest, lowest));
-    let seen = at.into_par_iter().map(|(hz, weight)| {
-        (
-            study.plant().z(hz),
-            weight / highest,
-            limits.see(hz)[mode].clone(),
-        )
-    });
+    let seen = at
+        .into_par_iter()
+        .map(|(hz, weight)| (study.plant().z(hz), weight / highest, limits.see(hz, mode)));
     seen.collect()
 }
 

@@ -1,9 +1,10 @@
 //! Functions that are orthogonal to every causal loop.
 
-use core::f64::consts::TAU;
-
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
+
+use crate::control::shape::{Pair, Resonance};
+use crate::control::table::coefficient;
 
 /// Φ(z) = z^power·Σ coefficient·ψ(z), a sum of stable ψ.
 ///
@@ -31,14 +32,6 @@ pub struct Term {
     pub denominator: [f64; 3],
 }
 
-/// Where the poles of terms lie.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pole {
-    pub(super) hz: f64,
-    /// Relative damping; 1 for a real pole.
-    pub(super) damping: f64,
-}
-
 impl Term {
     fn at(&self, z: Complex<f64>) -> Complex<f64> {
         let delta = z - 1.0;
@@ -56,21 +49,20 @@ impl Term {
         }
     }
 
-    /// The terms of `pole` at the sample `period`, s: unity at its passband.
-    fn of(pole: &Pole, period: f64) -> Vec<Self> {
-        let angle = TAU * pole.hz * period;
+    /// The terms of `pole` at the sample `period`, s, which are 1 in its passband: a lag with damping
+    /// 1, else a resonance.
+    fn of(pole: &Resonance, period: f64) -> Vec<Self> {
         let term = |numerator, denominator| Self {
             delay: 0,
             numerator,
             denominator,
         };
         if pole.damping >= 1.0 {
-            let step = -(-angle).exp_m1();
+            let step = coefficient(pole.hz, period);
             return vec![term([step, 0.0], [step, 1.0, 0.0])];
         }
-        let z = (Complex::new(-pole.damping, (1.0 - pole.damping.powi(2)).sqrt()) * angle).exp();
-        let product = (z - 1.0).norm_sqr();
-        let denominator = [product, 2.0 * (1.0 - z.re), 1.0];
+        let Pair { sum, product } = Pair::new(*pole, period);
+        let denominator = [product, sum, 1.0];
         vec![
             term([product, 0.0], denominator),
             term([0.0, product.sqrt()], denominator),
@@ -80,7 +72,7 @@ impl Term {
 
 impl TestFunction {
     /// Terms of the `poles`, and delays of none to two samples, all with coefficient 0.
-    pub(super) fn with_poles(power: usize, poles: &[Pole], period: f64) -> Self {
+    pub(super) fn with_poles(power: usize, poles: &[Resonance], period: f64) -> Self {
         let delays = (0..3).map(Term::delay);
         let terms: Vec<_> = delays
             .chain(poles.iter().flat_map(|pole| Term::of(pole, period)))
@@ -146,17 +138,19 @@ const INDEPENDENT: f64 = 1e-9;
 
 #[cfg(test)]
 mod tests {
+    use core::f64::consts::TAU;
+
     use super::*;
 
     /// The integral of Φ·t is zero for a stable t with enough delay, and not for one with less.
     #[test]
     fn it_is_orthogonal_to_delayed_loops() {
         let poles = [
-            Pole {
+            Resonance {
                 hz: 200.0,
                 damping: 1.0,
             },
-            Pole {
+            Resonance {
                 hz: 900.0,
                 damping: 0.05,
             },

@@ -1,13 +1,12 @@
 use core::f64::consts::TAU;
 use std::path::Path;
 
-use nalgebra::DMatrix;
-
 use super::*;
 use crate::closed_loop::SampledLoop;
 use crate::control::gains::ModalTransform;
 use crate::design::{Design, Search};
 use crate::machine::Machine;
+use crate::numeric::six::ComplexMatrix6;
 
 /// |S| ≤ ε up to the angle a and |S| ≤ M above: Bode's integral allows ε = M^(1 − π/a), and no
 /// less.
@@ -35,11 +34,11 @@ fn bodes_integral_is_found() {
             };
             at.into_iter().map(sample).collect()
         };
-        let lags = (0..25).map(|k| Pole {
+        let lags = (0..25).map(|k| Resonance {
             hz: 0.45 * highest * 0.8_f64.powi(k),
             damping: 1.0,
         });
-        let sharp = (1..5).map(|k| Pole {
+        let sharp = (1..5).map(|k| Resonance {
             hz: edge,
             damping: 4.0_f64.powi(-k),
         });
@@ -59,20 +58,18 @@ fn bodes_integral_is_found() {
     }
 }
 
-fn load(text: &str) -> Study {
-    let machine = Machine::parse(Path::new("metrology-frame.toml"), text);
-    Study::new(machine.expect("the file is valid")).expect("the model is valid")
-}
-
+/// The paper's machine with this line in `[control]`.
 fn paper(roll_off: &str) -> Study {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
     let text = std::fs::read_to_string(folder.join("metrology-frame.toml"));
     let text = text.expect("the model is there");
-    load(&text.replace("[control]", &format!("[control]\n{roll_off}")))
+    let text = text.replace("[control]", &format!("[control]\n{roll_off}"));
+    let machine = Machine::parse(Path::new("metrology-frame.toml"), &text);
+    Study::new(machine.expect("the file is valid")).expect("the model is valid")
 }
 
 /// T of the modes in modal coordinates at `hz`, by the matrices of plant and law.
-fn complementary(study: &Study, design: &Design, hz: f64) -> DMatrix<Complex<f64>> {
+fn complementary(study: &Study, design: &Design, hz: f64) -> ComplexMatrix6 {
     let sampled = SampledLoop::new(study.plant(), &design.table);
     let output = ModalTransform::new(study.design_model()).output;
     let output = output.map(Complex::from);
@@ -80,9 +77,8 @@ fn complementary(study: &Study, design: &Design, hz: f64) -> DMatrix<Complex<f64
     let l = -(c * study.plant().response(hz).g22());
     let inverse = output.try_inverse().expect("modes are independent");
     let l = inverse * l * output;
-    let one = nalgebra::Matrix6::identity();
-    let t = one - (one + l).try_inverse().expect("the loop has no pole here");
-    DMatrix::from_column_slice(6, 6, t.as_slice())
+    let one = ComplexMatrix6::identity();
+    one - (one + l).try_inverse().expect("the loop has no pole here")
 }
 
 /// A loop that a search found, of a machine with a roll-off: its t is orthogonal to each

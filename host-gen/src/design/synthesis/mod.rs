@@ -31,7 +31,6 @@ use crate::control::shape::{Filter, Resonance};
 use crate::control::{Shape, table};
 use crate::design::Study;
 use crate::machine::{FeedbackKind, Minimise, Target};
-use crate::model::design_model::alike;
 use crate::numeric::frequencies::grid;
 use crate::numeric::quadrature::nodes;
 use crate::numeric::six::ComplexMatrix6;
@@ -237,7 +236,7 @@ impl Synthesis<'_> {
         };
         Problem {
             parameters: Parameters {
-                groups: alike(&model.omega.map(|omega| omega * omega)),
+                groups: model.groups(),
                 both: K > LEGS,
                 period: machine.board.period(),
                 frequency: self.target.frequency,
