@@ -19,7 +19,12 @@ fn instructions(of: &str) -> f64 {
 #[test]
 fn the_limits_hold_the_longest_sample() {
     let latch = instructions("closed latch");
-    let longest = Budget::new(instructions("closed longest"), latch);
+    // One whose forces the clamp reduces.
+    let longest = Budget::new(
+        instructions("clamped longest"),
+        instructions("clamped latch"),
+    );
+    assert!(instructions("closed longest") < instructions("clamped longest"));
     let (begun, ended) = LIMITS.written;
     assert!(longest.ready() < ended.into(), "{longest:?}");
     let left = 1.0 / f64::from(LIMITS.rate) - longest.busy() - f64::from(GUARD);

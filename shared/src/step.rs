@@ -30,7 +30,9 @@
 //! ```text
 //! σ   = α·u,  α = min(1, limit_i/|u_i|)         keeps the direction of the force
 //! x  += anti_windup·(1 − α)·u                   only where α < 1; a modal law uses each
-//!                                               channel's own force
+//!                                               channel's own force, and the states of its
+//!                                               sections decay by the factor
+//!                                               1 − anti_windup·(1 − α)
 //! ```
 //!
 //! A sample is computed in two halves, because the time from codes to codes is part of the
@@ -529,7 +531,7 @@ fn base(law: &Law, state: &LawState, demand: &Demand) -> Values {
 #[inline]
 fn follow_law(law: &Law, state: &mut LawState, gain: f32, latched: &Latched) {
     let leak = law.leak;
-    // What the clamp took of the forces, per sample, for the integrals.
+    // What the clamp took of the forces, per sample, for the states.
     let windup = match latched.clamp {
         Clamp::Active(scale) => law.anti_windup * (1.0 - scale),
         Clamp::Idle | Clamp::NotFinite => 0.0,
@@ -559,19 +561,21 @@ fn follow_law(law: &Law, state: &mut LawState, gain: f32, latched: &Latched) {
                     d - split[i] * d
                 });
             }
+            let decay = (windup > 0.0).then_some(windup);
             // A number of sections that the compiler knows takes a third less.
             match modal.sections {
-                0 => follow_modes::<0>(modal, state, r, free, leak, gain, windup),
-                1 => follow_modes::<1>(modal, state, r, free, leak, gain, windup),
-                2 => follow_modes::<2>(modal, state, r, free, leak, gain, windup),
-                _ => follow_modes::<SECTIONS>(modal, state, r, free, leak, gain, windup),
+                0 => follow_modes::<0>(modal, state, r, free, leak, gain, decay),
+                1 => follow_modes::<1>(modal, state, r, free, leak, gain, decay),
+                2 => follow_modes::<2>(modal, state, r, free, leak, gain, decay),
+                _ => follow_modes::<SECTIONS>(modal, state, r, free, leak, gain, decay),
             }
         }
     }
 }
 
 /// Sections and integrals of all modes after a sample, with `N` sections each. `r` and `free` are
-/// the inputs of the first sections: those of the sample, and of one with all values zero.
+/// the inputs of the first sections: those of the sample, and of one with all values zero. `decay`
+/// is what the states lose of themselves under the clamp.
 #[inline(never)]
 fn follow_modes<const N: usize>(
     modal: &Modal,
@@ -580,25 +584,38 @@ fn follow_modes<const N: usize>(
     free: Values,
     leak: f32,
     gain: f32,
-    windup: f32,
+    decay: Option<f32>,
+) {
+    // Twice, so that samples without the clamp do not ask in every section.
+    if decay.is_some() {
+        run_modes::<N>(modal, state, r, free, leak, gain, decay);
+    } else {
+        run_modes::<N>(modal, state, r, free, leak, gain, None);
+    }
+}
+
+#[inline(always)]
+fn run_modes<const N: usize>(
+    modal: &Modal,
+    state: &mut LawState,
+    r: Values,
+    free: Values,
+    leak: f32,
+    gain: f32,
+    decay: Option<f32>,
 ) {
     for (i, channel) in modal.channels.iter().enumerate() {
         let (mut r, mut free) = (r[i], free[i]);
         let sections = channel.sections.iter().zip(&mut state.sections[i]);
         for (section, states) in sections.take(N) {
-            [r, free] = section.run(states, r, free);
+            [r, free] = section.run(states, r, free, decay);
         }
         state.free[i] = free;
         let x = state.integral[i];
-        state.integral[i] = x - leak * x + gain * channel.integral * (r + state.before[i]);
+        let x = x - leak * x + gain * channel.integral * (r + state.before[i]);
+        let windup = |decay| decay * (x + gain * channel.proportional * r);
+        state.integral[i] = x - decay.map_or(0.0, windup);
         state.before[i] = r;
-    }
-    if windup > 0.0 {
-        for (i, channel) in modal.channels.iter().enumerate() {
-            let x = state.integral[i];
-            let asked = -x - gain * channel.proportional * state.before[i];
-            state.integral[i] = x + windup * asked;
-        }
     }
 }
 
@@ -643,14 +660,17 @@ impl Section {
     }
 
     /// Filters one sample. Returns the output, and that of the next sample if the section before
-    /// gives `free` then.
+    /// gives `free` then. The states lose the part `decay` of themselves.
     #[inline(always)]
-    fn run(&self, states: &mut [f32; 2], u: f32, free: f32) -> [f32; 2] {
+    fn run(&self, states: &mut [f32; 2], u: f32, free: f32, decay: Option<f32>) -> [f32; 2] {
         let [x1, x2] = *states;
         let y = self.output(states, u);
         let slope = u - self.damping * x1 - x2;
-        let [x1, x2] = [x1 + self.rate * slope, x2 + self.rate * x1];
-        *states = [x1, x2];
+        *states = [x1 + self.rate * slope, x2 + self.rate * x1];
+        if let Some(decay) = decay {
+            // Slow sections would remember the overload for as long as they are slow.
+            *states = states.map(|x| x - decay * x);
+        }
         [y, self.output(states, free)]
     }
 }

@@ -8,6 +8,7 @@ use host_gen::control::LinearLaw;
 use host_gen::control::emit::emit;
 use host_gen::design::{Search, Study};
 use host_gen::machine::Machine;
+use host_gen::simulate::Rig;
 use nalgebra::Complex;
 use shared::LEGS;
 use shared::codes::{AdcCode, Samples};
@@ -112,4 +113,47 @@ fn sine(table: &ValidTable, sensor: usize, hz: f64, amplitude: f64) -> [Complex<
     // sin = Im e^(jωk), so the input's own sum is amplitude·n/2j.
     let input = Complex::new(0.0, -0.5) * amplitude * unit * measured;
     sums.map(|sum| sum / input)
+}
+
+/// Shocks far beyond what the legs can give: afterwards the loop is as it was before. What the clamp
+/// cuts off, integrals and slow filters would remember for as long as they are slow; and a loop can
+/// stay in the clamp for ever, although it is stable at every lower gain.
+#[test]
+fn a_shock_is_forgotten() {
+    for Entry { machine, table, .. } in &tables::ALL {
+        let study = study(machine);
+        let board = &study.machine().board;
+        for shock in [5.0, 20.0, 100.0] {
+            let settings = &study.machine().simulation;
+            let mut rig = Rig::new(study.plant().clone(), board, settings);
+            let mut state = State::settled_on(table, rig.sample());
+            let mut run = |seconds: f64, floor: f64| {
+                rig.floor_gain = floor;
+                let steps = (seconds * board.sample_rate) as usize;
+                let (mut clamped, mut square) = (0, 0.0);
+                for _ in 0..steps {
+                    let output = step(table, &mut state, rig.sample(), Demand::LAW);
+                    clamped += usize::from(output.status.clamped);
+                    let motion = rig.advance(output.dac);
+                    square += motion.iter().map(|x| x * x).sum::<f64>();
+                }
+                (clamped, (square / steps as f64).sqrt())
+            };
+            // The loop is closed at once on a machine that swings.
+            run(6.0, 1.0);
+            let (clamped, before) = run(2.0, 1.0);
+            assert_eq!(clamped, 0, "{machine}");
+            let (clamped, _) = run(0.5, shock);
+            assert!(clamped > 0, "{machine}");
+            // The slowest pole decays in some 20 s.
+            run(30.0, 1.0);
+            let (clamped, after) = run(2.0, 1.0);
+            // The rms of two seconds of noise varies by some hundredths.
+            let settled = clamped == 0 && (after / before - 1.0).abs() < 0.2;
+            assert!(
+                settled,
+                "{machine}, shock {shock}: {clamped}, {before} {after}"
+            );
+        }
+    }
 }

@@ -141,7 +141,7 @@ fn main() -> ! {
 
 /// A controller of a table with short waits. There is no machine: the self-test passes with any
 /// answer, and forces are a thousandth, or much gain at low frequency drives them to their limits.
-fn controller(mut t: Table, memory: Memory<'_>) -> Controller<'_> {
+fn of_table(mut t: Table, memory: Memory<'_>) -> Controller<'_> {
     t.self_test.tolerance = 1e6;
     t.self_test.settle = 1;
     t.self_test.measure = 16;
@@ -190,7 +190,7 @@ fn measure(counter: &mut Counter, name: &str, table: Table) {
         records: &mut [Record::NONE; ROOM],
         period: &mut [[0.0; 2]; 4096],
     };
-    let mut controller = controller(table, memory);
+    let mut controller = of_table(table, memory);
     let mut print = |controller: &mut Controller<'_>, what: &str, mode: Mode, samples: u32| {
         let [whole, latch] = run(counter, controller, samples);
         // The mode may end with the last sample.
@@ -257,6 +257,26 @@ fn measure(counter: &mut Counter, name: &str, table: Table) {
     print(&mut controller, "failing", Mode::Failing, 10);
     settle(&mut controller);
     print(&mut controller, "failed", Mode::Failed, SHORT);
+
+    // Every reading but one of zeros exceeds the limits.
+    let mut tight = table;
+    for actuator in &mut tight.actuators {
+        actuator.limit = 1e-9;
+    }
+    tight.supervision.saturated = u32::MAX;
+    let mut controller = of_table(tight, Memory::none());
+    for event in [Event::SelfTest, Event::Start] {
+        let _ = controller.ask(event);
+        for _ in 0..5_000 {
+            black_box(controller.on_sample(Samples::NONE.into()));
+        }
+    }
+    let before = controller.report().clamped;
+    print(&mut controller, "clamped", Mode::Closed, LONG);
+    let clamped = controller.report().clamped - before;
+    if clamped < LONG / 2 {
+        panic!("{} of {} samples are clamped", clamped, LONG);
+    }
 }
 
 /// Samples until the mode no longer changes.

@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0007477965,
+    ac_limit: 0.0006834201,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -68,54 +68,54 @@ pub static TABLE: ValidTable = match (Table {
                 0.0, -0.0095162755, 0.027165847, 0.030643724, -0.027165847, -0.02112745;
                 0.028522575, -0.028522575, 0.028522575, -0.028522575, 0.028522575, -0.028522575;
             ],
-            split: [0.008305166, 0.008305166, 0.0032765933, 0.025623102, 0.025623102, 0.17479606],
+            split: [0.008302686, 0.008302686, 0.0033346748, 0.025602875, 0.025602875, 0.04533313],
             }),
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 1.3881615e-5, damping: 38.822998, direct: 15.775348, band: -344.38583, low: -14.775348 },
-                        Section { rate: 0.02526904, damping: 0.76938087, direct: 0.09444389, band: 1.5253319, low: 0.9055561 },
-                        Section { rate: 0.0038084527, damping: 7.1897507, direct: 0.0021453272, band: 0.22541933, low: 0.99785465 },
+                        Section { rate: 0.00027163335, damping: 32.963753, direct: 0.21417245, band: 315.83417, low: 0.7858276 },
+                        Section { rate: 0.004532833, damping: 5.330271, direct: 0.10393352, band: 0.090780646, low: 0.8960665 },
+                        Section { rate: 0.024974348, damping: 0.78280455, direct: 0.14266622, band: 2.2887108, low: 0.8573338 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 1.3881615e-5, damping: 38.822998, direct: 15.775348, band: -344.38583, low: -14.775348 },
-                        Section { rate: 0.02526904, damping: 0.76938087, direct: 0.09444389, band: 1.5253319, low: 0.9055561 },
-                        Section { rate: 0.0038084527, damping: 7.1897507, direct: 0.0021453272, band: 0.22541933, low: 0.99785465 },
+                        Section { rate: 0.00027163335, damping: 32.963753, direct: 0.21417245, band: 315.83417, low: 0.7858276 },
+                        Section { rate: 0.004532833, damping: 5.330271, direct: 0.10393352, band: 0.090780646, low: 0.8960665 },
+                        Section { rate: 0.024974348, damping: 0.78280455, direct: 0.14266622, band: 2.2887108, low: 0.8573338 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0033007774, damping: 4.8020787, direct: 23003.227, band: -108186.89, low: -23002.227 },
-                        Section { rate: 0.004592769, damping: 3.6033454, direct: 0.016752638, band: 1.5019448, low: 0.98324734 },
-                        Section { rate: 7.2228555e-5, damping: 20.177864, direct: 4.113277e-6, band: 0.024489287, low: 0.9999959 },
+                        Section { rate: 0.0005139951, damping: 23.895315, direct: 0.11830288, band: 95.54207, low: 0.8816971 },
+                        Section { rate: 0.0018539262, damping: 2.0, direct: 0.16849014, band: 0.48397377, low: 0.8315099 },
+                        Section { rate: 0.012269176, damping: 2.0, direct: 0.079013266, band: 2.595205, low: 0.9209867 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00050015247, damping: 1.4965976, direct: 0.0021829705, band: 1.6837612, low: 0.99781704 },
-                        Section { rate: 0.029631555, damping: 2.4470935, direct: 0.8720423, band: -0.75322515, low: 0.12795769 },
-                        Section { rate: 0.051040795, damping: 0.45580402, direct: 0.506771, band: 3.765931, low: 0.49322897 },
+                        Section { rate: 0.00048035063, damping: 1.5301678, direct: 0.049477324, band: 1.7095014, low: 0.95052266 },
+                        Section { rate: 0.034560803, damping: 2.0643375, direct: 1.2183028, band: -1.1056306, low: -0.21830285 },
+                        Section { rate: 0.04852268, damping: 0.45033586, direct: 0.015855692, band: 0.24469917, low: 0.98414433 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00050015247, damping: 1.4965976, direct: 0.0021829705, band: 1.6837612, low: 0.99781704 },
-                        Section { rate: 0.029631555, damping: 2.4470935, direct: 0.8720423, band: -0.75322515, low: 0.12795769 },
-                        Section { rate: 0.051040795, damping: 0.45580402, direct: 0.506771, band: 3.765931, low: 0.49322897 },
+                        Section { rate: 0.00048035063, damping: 1.5301678, direct: 0.049477324, band: 1.7095014, low: 0.95052266 },
+                        Section { rate: 0.034560803, damping: 2.0643375, direct: 1.2183028, band: -1.1056306, low: -0.21830285 },
+                        Section { rate: 0.04852268, damping: 0.45033586, direct: 0.015855692, band: 0.24469917, low: 0.98414433 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00046137453, damping: 1.6464765, direct: 19.742647, band: -18.734447, low: -18.742647 },
-                        Section { rate: 0.0017997832, damping: 53.053604, direct: 2.5329593e-5, band: 0.00879328, low: 0.99997467 },
-                        Section { rate: 0.08982273, damping: 0.37032372, direct: 1.106662, band: 0.8737259, low: -0.10666206 },
+                        Section { rate: 5.293631e-5, damping: 10.38759, direct: 0.031313237, band: 13.473673, low: 0.96868676 },
+                        Section { rate: 0.024868086, damping: 2.0104444, direct: 0.06120327, band: 0.6930824, low: 0.93879676 },
+                        Section { rate: 0.075219445, damping: 0.505117, direct: 0.31198692, band: 2.0247233, low: 0.6880131 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -132,7 +132,7 @@ pub static TABLE: ValidTable = match (Table {
             ],
         }),
         leak: 3.1415877e-6,
-        anti_windup: 0.00031410993,
+        anti_windup: 0.00018847779,
     },
     // Codes per N, limit in N.
     actuators: [
@@ -180,7 +180,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0x2194c26f;
+pub const CHECKSUM: u32 = 0x156662c3;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

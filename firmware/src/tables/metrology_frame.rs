@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0046857293,
+    ac_limit: 0.0046599507,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,49 +53,49 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.0007003462, damping: 1.8574398, direct: 0.0053760232, band: 2.0443895, low: 0.99462396 },
-                        Section { rate: 0.015191675, damping: 0.2485382, direct: 0.04765052, band: 1.3960997, low: 0.9523495 },
-                        Section { rate: 0.029393442, damping: 2.3343194, direct: 3.7367132, band: -8.303872, low: -2.7367132 },
+                        Section { rate: 0.0005767859, damping: 2.2804465, direct: 0.01675044, band: 2.1779227, low: 0.98324955 },
+                        Section { rate: 0.013856075, damping: 0.5356629, direct: 0.89761925, band: -0.05154144, low: 0.10238072 },
+                        Section { rate: 0.024277309, damping: 1.1445749, direct: 0.07056287, band: 1.5884843, low: 0.92943716 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0007003462, damping: 1.8574398, direct: 0.0053760232, band: 2.0443895, low: 0.99462396 },
-                        Section { rate: 0.015191675, damping: 0.2485382, direct: 0.04765052, band: 1.3960997, low: 0.9523495 },
-                        Section { rate: 0.029393442, damping: 2.3343194, direct: 3.7367132, band: -8.303872, low: -2.7367132 },
+                        Section { rate: 0.0005767859, damping: 2.2804465, direct: 0.01675044, band: 2.1779227, low: 0.98324955 },
+                        Section { rate: 0.013856075, damping: 0.5356629, direct: 0.89761925, band: -0.05154144, low: 0.10238072 },
+                        Section { rate: 0.024277309, damping: 1.1445749, direct: 0.07056287, band: 1.5884843, low: 0.92943716 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0004682959, damping: 1.7056087, direct: 0.00036664223, band: 0.37564787, low: 0.9996334 },
-                        Section { rate: 0.04159318, damping: 0.9813686, direct: 0.7762347, band: 2.2724159, low: 0.22376533 },
-                        Section { rate: 0.004945085, damping: 2.1387327, direct: 1.9798554, band: 7.4169693, low: -0.9798554 },
+                        Section { rate: 0.0023629272, damping: 3.6177685, direct: 0.07972997, band: 0.7565311, low: 0.92027 },
+                        Section { rate: 0.019823406, damping: 4.1614966, direct: 0.07474768, band: 0.23573822, low: 0.9252523 },
+                        Section { rate: 0.036244467, damping: 0.6163181, direct: 0.090749055, band: 1.2865931, low: 0.909251 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0011085134, damping: 19.754444, direct: 0.06622437, band: 14.278119, low: 0.9337756 },
-                        Section { rate: 0.0041181333, damping: 5.530337, direct: 0.05704688, band: -0.2510009, low: 0.9429531 },
-                        Section { rate: 0.017850209, damping: 0.26753503, direct: 0.07519348, band: 1.8811417, low: 0.92480654 },
+                        Section { rate: 0.004851945, damping: 16.880213, direct: 0.074142314, band: -1.1815575, low: 0.92585766 },
+                        Section { rate: 0.015684796, damping: 5.3540344, direct: 0.359624, band: 11.944335, low: 0.64037603 },
+                        Section { rate: 0.01834348, damping: 0.22659779, direct: 0.01098365, band: 0.15130863, low: 0.98901635 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0011085134, damping: 19.754444, direct: 0.06622437, band: 14.278119, low: 0.9337756 },
-                        Section { rate: 0.0041181333, damping: 5.530337, direct: 0.05704688, band: -0.2510009, low: 0.9429531 },
-                        Section { rate: 0.017850209, damping: 0.26753503, direct: 0.07519348, band: 1.8811417, low: 0.92480654 },
+                        Section { rate: 0.004851945, damping: 16.880213, direct: 0.074142314, band: -1.1815575, low: 0.92585766 },
+                        Section { rate: 0.015684796, damping: 5.3540344, direct: 0.359624, band: 11.944335, low: 0.64037603 },
+                        Section { rate: 0.01834348, damping: 0.22659779, direct: 0.01098365, band: 0.15130863, low: 0.98901635 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0015964041, damping: 5.471474, direct: 0.009267269, band: 2.7513604, low: 0.9907327 },
-                        Section { rate: 0.0030547308, damping: 3.2019153, direct: 0.0059625884, band: 0.17808497, low: 0.9940374 },
-                        Section { rate: 0.067378454, damping: 0.72148484, direct: 6.5191145, band: 10.878681, low: -5.5191145 },
+                        Section { rate: 0.0037381551, damping: 6.7291675, direct: 0.028353961, band: 0.0061715934, low: 0.971646 },
+                        Section { rate: 0.016371626, damping: 1.2960064, direct: 0.03539844, band: 0.29957214, low: 0.9646016 },
+                        Section { rate: 0.047037378, damping: 0.63613224, direct: 0.3325492, band: 3.5808902, low: 0.6674508 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -112,7 +112,7 @@ pub static TABLE: ValidTable = match (Table {
             ],
         }),
         leak: 3.1415877e-6,
-        anti_windup: 0.00031410993,
+        anti_windup: 0.00018847779,
     },
     // Codes per N, limit in N.
     actuators: [
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0x6414cabb;
+pub const CHECKSUM: u32 = 0x5bd87814;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

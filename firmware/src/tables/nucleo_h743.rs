@@ -15,15 +15,15 @@ use shared::table::{
 pub static TABLE: ValidTable = match (Table {
     version: 6,
     model: ModelDigest([
-        0x18, 0x9c, 0x6f, 0x6d, 0x05, 0xd0, 0x2c, 0x83,
-        0x8e, 0x66, 0xe9, 0x2a, 0x5e, 0x01, 0xfa, 0xde,
-        0x4f, 0x6d, 0xa1, 0x4f, 0x6a, 0xa3, 0xa5, 0x27,
-        0xb8, 0xdd, 0xa0, 0xc7, 0xa4, 0xed, 0x0b, 0x45,
+        0x04, 0xe3, 0xcb, 0xc3, 0xc8, 0x30, 0x24, 0x06,
+        0x9c, 0x4e, 0x71, 0x2a, 0xc2, 0x02, 0x27, 0xa6,
+        0x9b, 0x12, 0x5b, 0x52, 0x38, 0x11, 0x1d, 0x64,
+        0x82, 0xa8, 0xf9, 0x25, 0x7f, 0xed, 0x2b, 0x8c,
     ]),
     // Hz.
     sample_rate: 20000.0,
     // s.
-    latch: 1.5e-5,
+    latch: 2.5e-5,
     feedback: Feedback::Acceleration,
     // m/s² per code.
     sensors: [
@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0042078244,
+    ac_limit: 0.0019534098,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,49 +53,49 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.001033512, damping: 1.0921104, direct: 0.0021921736, band: 1.8108573, low: 0.9978078 },
-                        Section { rate: 0.014536926, damping: 0.35611194, direct: 0.15949327, band: 1.2545553, low: 0.84050673 },
-                        Section { rate: 0.02900229, damping: 2.1690958, direct: 3.9126127, band: -7.831078, low: -2.9126127 },
+                        Section { rate: 0.00077951007, damping: 0.6906942, direct: 0.0057271994, band: 2.8596916, low: 0.9942728 },
+                        Section { rate: 0.018136598, damping: 8.253718, direct: 0.25576496, band: -1.8959945, low: 0.74423504 },
+                        Section { rate: 0.03737167, damping: 0.33284765, direct: 0.895841, band: 19.882746, low: 0.10415901 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.001033512, damping: 1.0921104, direct: 0.0021921736, band: 1.8108573, low: 0.9978078 },
-                        Section { rate: 0.014536926, damping: 0.35611194, direct: 0.15949327, band: 1.2545553, low: 0.84050673 },
-                        Section { rate: 0.02900229, damping: 2.1690958, direct: 3.9126127, band: -7.831078, low: -2.9126127 },
+                        Section { rate: 0.00077951007, damping: 0.6906942, direct: 0.0057271994, band: 2.8596916, low: 0.9942728 },
+                        Section { rate: 0.018136598, damping: 8.253718, direct: 0.25576496, band: -1.8959945, low: 0.74423504 },
+                        Section { rate: 0.03737167, damping: 0.33284765, direct: 0.895841, band: 19.882746, low: 0.10415901 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00062775845, damping: 2.1952338, direct: 0.002324492, band: 2.4468415, low: 0.9976755 },
-                        Section { rate: 0.025071288, damping: 2.7060447, direct: 0.26260775, band: 0.7117401, low: 0.73739225 },
-                        Section { rate: 0.045776222, damping: 1.1817003, direct: 1.2093903, band: 1.2734312, low: -0.2093903 },
+                        Section { rate: 7.308061e-5, damping: 7.494879, direct: 0.35334957, band: 24.138588, low: 0.64665043 },
+                        Section { rate: 0.0150689725, damping: 3.1112196, direct: 0.0149048045, band: 0.17212601, low: 0.9850952 },
+                        Section { rate: 0.089283094, damping: 0.6545805, direct: 0.15212074, band: 1.4887487, low: 0.84787923 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0006465312, damping: 1.7238215, direct: 0.0012893565, band: 1.5911077, low: 0.99871063 },
-                        Section { rate: 0.032632925, damping: 1.7182225, direct: 0.2692373, band: 1.3535546, low: 0.7307627 },
-                        Section { rate: 0.017242761, damping: 0.25806883, direct: 1.031583, band: -0.013037432, low: -0.03158296 },
+                        Section { rate: 6.809339e-5, damping: 7.0437236, direct: 0.08397311, band: 24.307575, low: 0.9160269 },
+                        Section { rate: 0.024788952, damping: 1.9724962, direct: 0.052854788, band: 0.40869933, low: 0.9471452 },
+                        Section { rate: 0.07884199, damping: 0.54514307, direct: 0.1112049, band: 1.3533456, low: 0.8887951 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0006465312, damping: 1.7238215, direct: 0.0012893565, band: 1.5911077, low: 0.99871063 },
-                        Section { rate: 0.032632925, damping: 1.7182225, direct: 0.2692373, band: 1.3535546, low: 0.7307627 },
-                        Section { rate: 0.017242761, damping: 0.25806883, direct: 1.031583, band: -0.013037432, low: -0.03158296 },
+                        Section { rate: 6.809339e-5, damping: 7.0437236, direct: 0.08397311, band: 24.307575, low: 0.9160269 },
+                        Section { rate: 0.024788952, damping: 1.9724962, direct: 0.052854788, band: 0.40869933, low: 0.9471452 },
+                        Section { rate: 0.07884199, damping: 0.54514307, direct: 0.1112049, band: 1.3533456, low: 0.8887951 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0047025755, damping: 3.1607316, direct: 0.0051541366, band: 0.8647552, low: 0.99484587 },
-                        Section { rate: 0.0047025755, damping: 3.1607316, direct: 0.027439224, band: 1.0119159, low: 0.97256076 },
-                        Section { rate: 0.05635683, damping: 1.1018394, direct: 3.1924357, band: -0.6891347, low: -2.1924357 },
+                        Section { rate: 0.00012922185, damping: 7.136377, direct: 0.028114924, band: 14.790909, low: 0.9718851 },
+                        Section { rate: 0.006932669, damping: 7.4225106, direct: 0.03854361, band: 4.774935, low: 0.96145636 },
+                        Section { rate: 0.14408043, damping: 0.56025994, direct: 0.5165972, band: 1.0018443, low: 0.48340276 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -112,7 +112,7 @@ pub static TABLE: ValidTable = match (Table {
             ],
         }),
         leak: 3.1415877e-6,
-        anti_windup: 0.00031410993,
+        anti_windup: 0.00018847779,
     },
     // Codes per N, limit in N.
     actuators: [
@@ -131,17 +131,17 @@ pub static TABLE: ValidTable = match (Table {
         amplitude: 10.0,
         settle: 2000,
         measure: 5000,
-        pilot: 0.02413,
+        pilot: 0.02412,
         watch: 10000,
         tolerance: 0.4,
         // By leg: what each sensor answers a push of 1 N.
         sensors: [
-            [p(0.002634, -0.0004849), p(0.004333, -0.0007962), p(0.001464, -0.000269), p(-0.0007406, 0.0001358), p(-0.000734, 0.0001351), p(-0.001456, 0.0002682)],
-            [p(-0.002634, 0.0004849), p(0.004333, -0.0007962), p(-0.001456, 0.0002682), p(-0.000734, 0.0001351), p(-0.0007406, 0.0001358), p(0.001464, -0.000269)],
-            [p(0.001208, -0.0002225), p(-0.000734, 0.0001351), p(0.00228, -0.0004197), p(0.004333, -0.0007962), p(-0.0007406, 0.0001358), p(-0.00064, 0.0001175)],
-            [p(-0.001214, 0.0002231), p(-0.0007406, 0.0001358), p(-0.002283, 0.0004201), p(0.004333, -0.0007962), p(-0.000734, 0.0001351), p(0.0006362, -0.0001171)],
-            [p(0.001214, -0.0002231), p(-0.0007406, 0.0001358), p(0.0006362, -0.0001171), p(-0.000734, 0.0001351), p(0.004333, -0.0007962), p(-0.002283, 0.0004201)],
-            [p(-0.001208, 0.0002225), p(-0.000734, 0.0001351), p(-0.00064, 0.0001175), p(-0.0007406, 0.0001358), p(0.004333, -0.0007962), p(0.00228, -0.0004197)],
+            [p(0.002634, -0.0004861), p(0.004332, -0.0007987), p(0.001463, -0.0002698), p(-0.0007405, 0.0001363), p(-0.000734, 0.0001354), p(-0.001456, 0.0002688)],
+            [p(-0.002634, 0.0004861), p(0.004332, -0.0007987), p(-0.001456, 0.0002688), p(-0.000734, 0.0001354), p(-0.0007405, 0.0001363), p(0.001463, -0.0002698)],
+            [p(0.001208, -0.000223), p(-0.000734, 0.0001354), p(0.002279, -0.0004207), p(0.004332, -0.0007987), p(-0.0007405, 0.0001363), p(-0.00064, 0.0001179)],
+            [p(-0.001214, 0.0002239), p(-0.0007405, 0.0001363), p(-0.002283, 0.0004212), p(0.004332, -0.0007987), p(-0.000734, 0.0001354), p(0.0006362, -0.0001174)],
+            [p(0.001214, -0.0002239), p(-0.0007405, 0.0001363), p(0.0006362, -0.0001174), p(-0.000734, 0.0001354), p(0.004332, -0.0007987), p(-0.002283, 0.0004212)],
+            [p(-0.001208, 0.000223), p(-0.000734, 0.0001354), p(-0.00064, 0.0001179), p(-0.0007405, 0.0001363), p(0.004332, -0.0007987), p(0.002279, -0.0004207)],
         ],
         forces: [
             [p(0.0, 0.0), p(0.0, 0.0), p(0.0, 0.0), p(0.0, 0.0), p(0.0, 0.0), p(0.0, 0.0)],
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0xdbcdf869;
+pub const CHECKSUM: u32 = 0xcdf2a72b;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

@@ -22,6 +22,11 @@ pub const AC_COUPLING: f64 = 0.05;
 /// Corner frequency of the integral's leak over the target frequency.
 pub const LEAK: f64 = 0.01;
 
+/// Corner frequency of the anti-windup over the target frequency. With 1, the loop of the reference
+/// board stays in the clamp for ever after a shock; with 0.1 most loops need more than six seconds to
+/// leave it.
+const ANTI_WINDUP: f64 = 0.6;
+
 /// Limit of the AC coupling over the sensor value that drives a leg to its limit at the target
 /// frequency.
 ///
@@ -128,8 +133,6 @@ pub fn channels(
 }
 
 /// The table of `machine` with the law `paths`.
-///
-/// Anti-windup has the time constant 1/ω_n.
 fn with_paths(
     machine: &Machine,
     plant: &SampledPlant,
@@ -155,7 +158,7 @@ fn with_paths(
         law: Law {
             paths,
             leak: coefficient(LEAK * frequency, period) as f32,
-            anti_windup: coefficient(frequency, period) as f32,
+            anti_windup: coefficient(ANTI_WINDUP * frequency, period) as f32,
         },
         actuators: [board.dac.drive(board.actuator_gain, board.force_limit); LEGS],
         dac_max: board.dac.max(),

@@ -18,7 +18,8 @@ pub struct Law {
     /// Fraction of each integral that leaks away per sample, 0 to 1.
     pub leak: f32,
     /// Fraction of the force cut off by the clamp that is subtracted from the integrals
-    /// per sample, 0 to 1.
+    /// per sample, 0 to 1. The states of a modal law's sections decay by this fraction times the
+    /// part of the force that is cut off.
     pub anti_windup: f32,
 }
 

@@ -125,7 +125,12 @@ impl Synthesis<'_> {
             .iter()
             .map(|x| (x / LATTICE).round() * LATTICE)
             .collect();
-        Some(problem.parameters.shapes(&rounded))
+        Some(
+            problem
+                .parameters
+                .shapes(&rounded)
+                .map(|shape| shape.paired()),
+        )
     }
 
     /// The best variables found from `starts` on.

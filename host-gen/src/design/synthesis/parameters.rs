@@ -19,7 +19,7 @@ const DAMPINGS: [f64; 2] = [0.1, 60.0];
 const HIGHEST: f64 = 0.45;
 
 /// Lowest frequency of the same as a part of the target's.
-const LOWEST: f64 = 1e-2;
+const LOWEST: f64 = 0.2;
 
 /// Parameters of a section: frequency and damping of its zeros, then of its poles.
 const PER_SECTION: usize = 4;

@@ -126,6 +126,12 @@ impl Display for DesignAnalysis {
         {
             write!(f, " {over_noise_db:.0} at {hz:.0} Hz")?;
         }
+        if self.rounding.iter().any(|found| found.over_noise_db > 0.0) {
+            write!(
+                f,
+                "\n  Warning: the errors of single precision exceed the sensors' noise: the board's loop is not the one that is computed here."
+            )?;
+        }
         write!(f, "\nCodes of the DAC relative to sensor noise, dB:")?;
         for Rounding {
             hz,
