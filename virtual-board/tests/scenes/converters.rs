@@ -160,7 +160,8 @@ fn late_samples_are_a_fault() -> Outcome {
     let since = lab.board.now();
     lab.board.machine.set_cost(virtual_board::time::Cost {
         instruction: 1.0,
-        access: 200.0,
+        // Some twenty accesses come before the latch, 25 µs after the sample.
+        access: 400.0,
     });
     lab.board.run(200 * MILLISECOND)?;
     let report = lab.report()?;
