@@ -138,15 +138,16 @@ fn all() -> Vec<Figure> {
 
     let reference = &nucleo.study.machine().board;
     let quick = &fast.study.machine().board;
-    let [latch, sample, longest] =
-        ["closed latch", "closed", "closed longest"].map(|of| instructions("modal", of));
-    let [usual_time, longest_time] = [sample, longest].map(|whole| Budget::new(whole, latch));
+    let [latch, sample] = ["closed latch", "closed"].map(|of| instructions("modal", of));
+    let [longest_latch, longest] =
+        ["clamped latch", "clamped longest"].map(|of| instructions("modal", of));
+    let usual_time = Budget::new(sample, latch);
+    let longest_time = Budget::new(longest, longest_latch);
     let after = |parts: &[f64]| us * (BEGIN + parts.iter().sum::<f64>());
     let loads = |period: f64| [usual_time, longest_time].map(|time| 100.0 * time.busy() / period);
     let [load, quick_load] = [reference, quick].map(|board| loads(board.period()));
     let margin = |latch: f64| us * (latch - longest_time.ready());
-    let latch_time = usual_time.latch;
-    let computed = [usual_time.fetch, latch_time, usual_time.begin]
+    let computed = [usual_time.fetch, usual_time.latch, usual_time.begin]
         .iter()
         .sum::<f64>();
     let accesses = ACCESSES.map(f64::from);
@@ -219,10 +220,11 @@ fn all() -> Vec<Figure> {
         figure(BOARD, "| read 2 × 48 bits | {} | {} | {} MHz;",
             &[us * usual_time.read, us * longest_time.read, 1e-6 * ADC_CLOCK]),
         figure(BOARD, "| fetch the codes | {} | {} | {} accesses", &[us * usual_time.fetch, us * longest_time.fetch, accesses[1]]),
-        figure(BOARD, "| from codes to codes | {} | {} | {} instructions", &[us * latch_time, us * latch_time, latch]),
+        figure(BOARD, "| from codes to codes | {} | {} | {} and {} instructions",
+            &[us * usual_time.latch, us * longest_time.latch, latch, longest_latch]),
         figure(BOARD, "| hand over | {} | {} | {} accesses", &[us * usual_time.begin, us * longest_time.begin, accesses[2]]),
         figure(BOARD, "| second half | {} | {} | {} and {} instructions, {} accesses",
-            &[us * usual_time.follow, us * longest_time.follow, sample - latch, longest - latch, accesses[3]]),
+            &[us * usual_time.follow, us * longest_time.follow, sample - latch, longest - longest_latch, accesses[3]]),
         figure(BOARD, "| write 6 × 24 bits | {} | {} | {} MHz;",
             &[us * usual_time.write, us * longest_time.write, 1e-6 * DAC_CLOCK]),
         figure(BOARD, "| until LDAC | {} | {} |", &[us * SETUP; 2]),
@@ -232,7 +234,7 @@ fn all() -> Vec<Figure> {
         figure(BOARD, "| | {} kHz | {} kHz |", &[khz * reference.sample_rate, khz * quick.sample_rate]),
         figure(BOARD, "| load, usual / longest | {} / {} % | {} / {} % |", &[load, quick_load].concat()),
         figure(BOARD, "| latch after the sample | {} µs | {} µs |", &[us * reference.latch_delay, us * quick.latch_delay]),
-        figure(BOARD, "| margin before the latch | {} µs | {} µs |", &[margin(reference.latch_delay), margin(quick.latch_delay)]),
+        figure(BOARD, "| margin before the latch, at the least | {} µs | {} µs |", &[margin(reference.latch_delay), margin(quick.latch_delay)]),
         figure(BOARD, "| hold, half a period | {} µs | {} µs |", &[0.5 * us * reference.period(), 0.5 * us * quick.period()]),
         figure(BOARD, "| whole delay | {} µs | {} µs |", &[us * reference.whole_delay(), us * quick.whole_delay()]),
         figure(BOARD, "| suspension / internal band, dB | {} / {} | {} / {} |", &[bands(nucleo), bands(fast)].concat()),
