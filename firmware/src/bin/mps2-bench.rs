@@ -205,12 +205,12 @@ fn measure(counter: &mut Counter, name: &str, table: Table) {
     let _ = controller.ask(Event::SelfTest);
     // Six legs of seventeen samples.
     print(&mut controller, "self-test", Mode::Testing, 90);
-    settle(&mut controller);
+    settle(&mut controller, reading);
     print(&mut controller, "idle", Mode::Idle, SHORT);
     let _ = controller.ask(Event::Start);
     // Six samples until it waits, three in which it does, and some towards the full gain.
     print(&mut controller, "soft start", Mode::Starting, START);
-    settle(&mut controller);
+    settle(&mut controller, reading);
     print(&mut controller, "closed", Mode::Closed, LONG);
     controller.set_telemetry(1);
     let _ = controller.arm(Recording {
@@ -255,7 +255,7 @@ fn measure(counter: &mut Counter, name: &str, table: Table) {
     }
     controller.table_changed();
     print(&mut controller, "failing", Mode::Failing, 10);
-    settle(&mut controller);
+    settle(&mut controller, reading);
     print(&mut controller, "failed", Mode::Failed, SHORT);
 
     // Every reading but one of zeros exceeds the limits.
@@ -267,9 +267,7 @@ fn measure(counter: &mut Counter, name: &str, table: Table) {
     let mut controller = of_table(tight, Memory::none());
     for event in [Event::SelfTest, Event::Start] {
         let _ = controller.ask(event);
-        for _ in 0..5_000 {
-            black_box(controller.on_sample(Samples::NONE.into()));
-        }
+        settle(&mut controller, |_| Samples::NONE.into());
     }
     let before = controller.report().clamped;
     print(&mut controller, "clamped", Mode::Closed, LONG);
@@ -280,7 +278,7 @@ fn measure(counter: &mut Counter, name: &str, table: Table) {
 }
 
 /// Samples until the mode no longer changes.
-fn settle(controller: &mut Controller<'_>) {
+fn settle(controller: &mut Controller<'_>, reading: fn(u32) -> Reading) {
     for k in 0..5_000 {
         black_box(controller.on_sample(reading(k)));
     }

@@ -51,12 +51,12 @@ impl Resonance {
         }
     }
 
-    /// The corner frequencies of two real poles or zeros, Hz; none if they are complex.
-    fn corners(self) -> Option<[f64; 2]> {
-        (self.damping >= 1.0).then(|| {
-            let fast = self.damping + (self.damping * self.damping - 1.0).sqrt();
-            [self.hz / fast, self.hz * fast]
-        })
+    /// The faster of two real poles or zeros over their natural frequency, and the natural
+    /// frequency over the slower one; none if they are complex.
+    fn spread(self) -> Option<f64> {
+        let zeta = self.damping;
+        // The slow root is −1/(ζ + √(ζ² − 1)), without cancellation.
+        (zeta >= 1.0).then(|| zeta + (zeta * zeta - 1.0).sqrt())
     }
 }
 
@@ -166,8 +166,8 @@ fn pairings(pairs: [Resonance; Shape::SECTIONS]) -> Vec<[Resonance; Shape::SECTI
     let mut complex = Vec::new();
     let mut real = Vec::new();
     for pair in pairs {
-        match pair.corners() {
-            Some(corners) => real.extend(corners),
+        match pair.spread() {
+            Some(spread) => real.extend([pair.hz / spread, pair.hz * spread]),
             None => complex.push(pair),
         }
     }
@@ -201,10 +201,7 @@ impl Pair {
     /// The pair mapped by z = e^(sT) with the sample period T = `period`, s.
     pub(crate) fn new(resonance: Resonance, period: f64) -> Self {
         let omega = TAU * resonance.hz * period;
-        let zeta = resonance.damping;
-        if zeta >= 1.0 {
-            // The slow root is −1/(ζ + √(ζ² − 1)), without cancellation.
-            let fast = zeta + (zeta * zeta - 1.0).sqrt();
+        if let Some(fast) = resonance.spread() {
             let [a, b] = [fast, 1.0 / fast].map(|root| -(-omega * root).exp_m1());
             return Self {
                 sum: a + b,
@@ -212,6 +209,7 @@ impl Pair {
             };
         }
         // 1 − e^x = −2·e^(x/2)·sinh(x/2), without cancellation.
+        let zeta = resonance.damping;
         let root = Complex::new(-zeta, (1.0 - zeta * zeta).sqrt());
         let [a, b] = [root, root.conj()].map(|root| {
             let half = 0.5 * omega * root;
@@ -242,6 +240,12 @@ mod tests {
     use super::*;
     use crate::control::law::section_response;
 
+    /// The continuous pair at `hz`, Hz; 1 at zero frequency.
+    fn continuous(r: Resonance, hz: f64) -> Complex<f64> {
+        let x = Complex::new(0.0, hz / r.hz);
+        1.0 + 2.0 * r.damping * x + x * x
+    }
+
     /// Paired filters have the same product, and none of them has a gain far from one that
     /// another takes off again.
     #[test]
@@ -266,13 +270,8 @@ mod tests {
             split_hz: None,
         };
         let paired = shape.paired();
-        let value = |filter: &Filter, hz: f64| {
-            let of = |r: Resonance| {
-                let x = Complex::new(0.0, hz / r.hz);
-                1.0 + 2.0 * r.damping * x + x * x
-            };
-            of(filter.zeros) / of(filter.poles)
-        };
+        let value =
+            |filter: &Filter, hz: f64| continuous(filter.zeros, hz) / continuous(filter.poles, hz);
         for n in -30..50 {
             let hz = 10f64.powf(0.1 * f64::from(n));
             let product = |shape: &Shape| -> Complex<f64> {
@@ -319,13 +318,10 @@ mod tests {
         for hz in [0.01, 0.5, 3.0, 40.0, 89.0, 150.0, 900.0] {
             let s = Complex::new(0.0, TAU * hz);
             let first = |corner: f64| 1.0 + s / (TAU * corner);
-            let second = |r: Resonance| {
-                let x = s / (TAU * r.hz);
-                1.0 + 2.0 * r.damping * x + x * x
-            };
             let Filter { zeros, poles } = shape.sections[1];
-            let expected = first(30.0) * first(4000.0) / first(0.9) / first(250.0) * second(zeros)
-                / second(poles);
+            let expected = first(30.0) * first(4000.0) / first(0.9) / first(250.0)
+                * continuous(zeros, hz)
+                / continuous(poles, hz);
             let z = Complex::cis(TAU * hz * period);
             let found: Complex<f64> = sections.iter().map(|s| section_response(s, z)).product();
             // The mapping of the roots, and single precision.
