@@ -586,24 +586,6 @@ fn follow_modes<const N: usize>(
     gain: f32,
     decay: Option<f32>,
 ) {
-    // Twice, so that samples without the clamp do not ask in every section.
-    if decay.is_some() {
-        run_modes::<N>(modal, state, r, free, leak, gain, decay);
-    } else {
-        run_modes::<N>(modal, state, r, free, leak, gain, None);
-    }
-}
-
-#[inline(always)]
-fn run_modes<const N: usize>(
-    modal: &Modal,
-    state: &mut LawState,
-    r: Values,
-    free: Values,
-    leak: f32,
-    gain: f32,
-    decay: Option<f32>,
-) {
     for (i, channel) in modal.channels.iter().enumerate() {
         let (mut r, mut free) = (r[i], free[i]);
         let sections = channel.sections.iter().zip(&mut state.sections[i]);
