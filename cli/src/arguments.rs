@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use host_gen::analysis::criterion::Criterion;
+use host_gen::floor::Criterion;
 use host_gen::machine::limits::Limits;
 use host_gen::machine::{Machine, MachineError};
 

@@ -3,10 +3,10 @@
 use std::io;
 use std::path::Path;
 
-use host_gen::analysis::vibration::SpectrumError;
 use host_gen::board::link::LinkError;
 use host_gen::board::measure::FrfError;
 use host_gen::design::{DesignError, StudyError};
+use host_gen::floor::SpectrumError;
 use host_gen::machine::MachineError;
 use host_gen::report::plots::PlotError;
 

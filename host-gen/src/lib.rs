@@ -7,6 +7,7 @@
 //! | [`progress`] | how does a long computation report that it advances? |
 //! | [`files`] | how is a file written whole? |
 //! | [`numeric`] | numerics that nalgebra and faer do not have |
+//! | [`floor`] | how does the ground move? |
 //! | [`machine`] | what does the file say? |
 //! | [`model`] | how does the machine move? |
 //! | [`plant`] | what do the sensors see of leg forces and floor? |
@@ -30,6 +31,7 @@ pub struct Library;
 pub mod progress;
 pub mod files;
 pub mod numeric;
+pub mod floor;
 pub mod machine;
 pub mod model;
 pub mod plant;

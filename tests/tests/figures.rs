@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use firmware::budget::{ACCESSES, ADC_CLOCK, BEGIN, Budget, DAC_CLOCK, DUE, GUARD, LIMITS, SETUP};
-use host_gen::analysis::criterion::Criterion;
-use host_gen::analysis::vibration::{Floor, budget};
 use host_gen::closed_loop::Pole;
+use host_gen::closed_loop::budget::budget;
 use host_gen::control::table::coefficient;
 use host_gen::design::{Cache, Design, DesignedStudy, Search, Study};
+use host_gen::floor::Criterion;
+use host_gen::floor::Floor;
 use host_gen::machine::{FeedbackKind, Machine};
 use host_gen::plant::zeros::transmission_zeros;
 

@@ -4,10 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::floors::FloorAnalysis;
-use host_gen::analysis::vibration::{Floor, STRONGEST, Spectrum, both_budgets};
 use host_gen::analysis::warnings::warnings;
+use host_gen::closed_loop::budget::both_budgets;
+use host_gen::floor::Criterion;
+use host_gen::floor::{Floor, STRONGEST, Spectrum};
 
 use crate::arguments::{Common, band, between, criterion};
 use crate::failure::{Failure, in_loop};

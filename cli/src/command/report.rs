@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use host_gen::analysis::criterion::Criterion;
+use host_gen::floor::Criterion;
 use host_gen::machine::Machine;
 use host_gen::report::page::page;
 use host_gen::report::plots::{csv, png, svg};

@@ -15,7 +15,7 @@ use axum::http::header::CONTENT_TYPE;
 use axum::response::Html;
 use axum::routing::get;
 use clap::Args;
-use host_gen::analysis::criterion::Criterion;
+use host_gen::floor::Criterion;
 use host_gen::machine::Machine;
 use host_gen::report::page::page_of;
 use host_gen::report::{Report, Review};

@@ -3,9 +3,9 @@
 
 use serde::Serialize;
 
-use super::criterion::Criterion;
-use super::vibration::{NoiseBudget, Powers, SOURCES};
+use crate::closed_loop::budget::{NoiseBudget, Powers, SOURCES};
 use crate::design::Study;
+use crate::floor::Criterion;
 use crate::machine::Board;
 use crate::numeric::quadrature::singular_hertz;
 

@@ -1,12 +1,11 @@
 //! What a machine and its controller do: modes, gains, zeros, poles, singular
-//! values, vibration on floors, robustness, rounding, machines side by side.
+//! values, motion on floors, robustness, rounding, machines side by side.
 
 use nalgebra::{Dim, Matrix, RawStorage};
 
 pub mod bound;
 pub mod compare;
 pub mod controller;
-pub mod criterion;
 pub mod delay;
 pub mod floors;
 pub mod gains;
@@ -18,7 +17,6 @@ pub mod poles;
 pub mod robustness;
 pub mod rounding;
 pub mod sigma;
-pub mod vibration;
 pub mod warnings;
 pub mod zeros;
 

@@ -3,6 +3,7 @@
 
 pub mod bands;
 pub mod bode;
+pub mod budget;
 pub mod ideal;
 pub mod isolation;
 pub mod margins;

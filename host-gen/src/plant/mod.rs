@@ -4,6 +4,7 @@
 pub mod export;
 pub mod generalised;
 mod lags;
+pub(crate) mod noise;
 pub mod partial_fractions;
 pub mod response;
 pub mod sampled;

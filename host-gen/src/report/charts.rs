@@ -5,13 +5,13 @@ use rayon::prelude::*;
 use shared::LEGS;
 
 use super::chart::{Axis, Chart, Colour, Scale, Series, Style};
-use crate::analysis::criterion::{Criterion, third_centres};
 use crate::analysis::sigma::{LawKind, SigmaAnalysis};
-use crate::analysis::vibration::{NoiseBudget, SOURCES, Spectra};
+use crate::closed_loop::budget::{NoiseBudget, SOURCES, Spectra};
 use crate::closed_loop::isolation::isolation_band;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, Study};
+use crate::floor::criterion::{Criterion, third_centres};
 use crate::machine::{Beam, Carrier, FeedbackKind, Machine};
 use crate::model::energy::{Kind, energies};
 use crate::numeric::NumericError;

@@ -4,8 +4,8 @@
 use std::sync::LazyLock;
 
 use crate::common::{edited, looped_frame, model_path, parse, search, set, study};
-use host_gen::analysis::criterion::Criterion;
 use host_gen::design::{Cache, Search, Study};
+use host_gen::floor::Criterion;
 use host_gen::machine::Machine;
 use host_gen::report::chart::{Chart, Scale, Series, Style};
 use host_gen::report::page::page;

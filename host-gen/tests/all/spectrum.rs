@@ -3,11 +3,12 @@
 use core::f64::consts::TAU;
 
 use crate::common::{edited, frame, looped, parse, study};
-use host_gen::analysis::criterion::Criterion;
 use host_gen::analysis::floors::FloorAnalysis;
-use host_gen::analysis::vibration::{Floor, NoiseBudget, Spectrum, both_budgets, budget};
 use host_gen::closed_loop::SampledLoop;
+use host_gen::closed_loop::budget::{NoiseBudget, both_budgets, budget};
 use host_gen::design::Study;
+use host_gen::floor::Criterion;
+use host_gen::floor::{Floor, Spectrum};
 use host_gen::machine::Simulation;
 use host_gen::simulate::run::run;
 use nalgebra::{Complex, Vector3};

@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Parser;
-use host_gen::analysis::criterion::Criterion;
 use host_gen::design::{Cache, Search, Study};
+use host_gen::floor::Criterion;
 use host_gen::machine::Machine;
 use host_gen::report::chart::Chart;
 use host_gen::report::page::page;

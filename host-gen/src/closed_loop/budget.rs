@@ -6,230 +6,26 @@
 
 use core::f64::consts::TAU;
 use core::ops::Range;
-use core::str::FromStr;
 
-use nalgebra::{Complex, DVector, Matrix6};
+use nalgebra::{Complex, Matrix6};
 use rayon::prelude::*;
-use shared::LEGS;
 use shared::table::ValidTable;
 
-use super::criterion::{Criterion, third_centres, third_edges};
-use crate::closed_loop::SampledLoop;
+use super::SampledLoop;
 use crate::control::LinearLaw;
-use crate::files::without_byte_order_mark;
+use crate::floor::Floor;
+use crate::floor::criterion::{Criterion, third_centres, third_edges};
 use crate::machine::Board;
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::grid;
 use crate::numeric::quadrature::{nodes, singular_hertz};
 use crate::numeric::six::ComplexMatrix6;
+use crate::plant::noise::Noise;
 use crate::plant::{Control, Gain, SampledPlant};
-
-/// Bandwidth of a one-third-octave band relative to its centre frequency, 2^(1/6) −
-/// 2^(−1/6).
-const THIRD: f64 = 0.231_563;
-
-/// The highest acceleration density that a floor may have, m/s²/√Hz. Squared and integrated, it
-/// stays a number.
-pub const STRONGEST: f64 = 1e6;
 
 /// The lowest frequency of a noise budget, Hz: further below, displacements from accelerations
 /// are rounding errors.
 pub const LOWEST: f64 = 1e-4;
-
-/// Vibration of the floor: the acceleration of the rigid base along each of x, y and z,
-/// independent of each other, and of its rotations as the machine's file says.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Floor {
-    /// At the limit of a vibration criterion in every one-third-octave band.
-    Criterion(Criterion),
-    /// White acceleration, one-sided amplitude density, m/s²/√Hz.
-    White(f64),
-    /// A spectrum given point by point.
-    Table(Spectrum),
-}
-
-impl Floor {
-    /// One-sided acceleration density at `hz`, Hz, in m/s²/√Hz.
-    pub fn density(&self, hz: f64) -> f64 {
-        match self {
-            Self::Criterion(criterion) => TAU * hz * criterion.velocity(hz) / (THIRD * hz).sqrt(),
-            Self::White(density) => *density,
-            Self::Table(spectrum) => spectrum.density(hz),
-        }
-    }
-
-    /// The frequencies for which the floor is given, lowest and highest, Hz.
-    pub fn range(&self) -> [f64; 2] {
-        match self {
-            Self::Criterion(_) | Self::White(_) => [0.0, f64::INFINITY],
-            Self::Table(spectrum) => spectrum.range(),
-        }
-    }
-
-    /// The frequencies at which the density is not smooth, Hz.
-    fn breaks(&self) -> Vec<f64> {
-        match self {
-            Self::Criterion(criterion) => criterion.breaks().to_vec(),
-            Self::White(_) => Vec::new(),
-            Self::Table(spectrum) => spectrum.points.iter().map(|(hz, _)| *hz).collect(),
-        }
-    }
-
-    /// How steep the power density is at `hz`, Hz, where it is steeper than a criterion: about
-    /// d ln density²/d ln hz.
-    fn exponent(&self, hz: f64) -> f64 {
-        match self {
-            Self::Criterion(_) | Self::White(_) => 0.0,
-            Self::Table(spectrum) => spectrum.exponent(hz),
-        }
-    }
-}
-
-/// A floor's spectrum, given point by point.
-///
-/// Between two points, the density is a straight line on logarithmic axes or, if it is zero at
-/// one of them, on linear axes. Outside the points it is zero.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Spectrum {
-    /// Frequencies, Hz, above 0 and ascending, and one-sided acceleration densities, m/s²/√Hz.
-    points: Vec<(f64, f64)>,
-}
-
-/// Why a text is not a spectrum.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{message}")]
-pub struct SpectrumError {
-    /// Number of the line at fault, from 1; none if it is the text as a whole.
-    pub line: Option<usize>,
-    /// The cause and the fix.
-    pub message: String,
-}
-
-impl FromStr for Spectrum {
-    type Err = SpectrumError;
-
-    /// Parses lines of two numbers, a frequency, Hz, and an acceleration density, m/s²/√Hz, with
-    /// spaces, tabs, a comma or a semicolon between them; `#` starts a comment.
-    ///
-    /// # Errors
-    /// If a line is not two numbers, a frequency is not above 0 and above the one before it, a
-    /// density is not from 0 to [`STRONGEST`], or there are fewer than two points.
-    fn from_str(text: &str) -> Result<Self, SpectrumError> {
-        let text = without_byte_order_mark(text);
-        let mut points: Vec<(f64, f64)> = Vec::new();
-        for (i, line) in text.lines().enumerate() {
-            let at_line = |message| SpectrumError {
-                line: Some(i + 1),
-                message,
-            };
-            let last = points.last().map_or(0.0, |(hz, _)| *hz);
-            points.extend(point(line, last).map_err(at_line)?);
-        }
-        let whole = |message: &str| SpectrumError {
-            line: None,
-            message: format!(
-                "{message}; give at least two lines, each with a frequency, Hz, and an acceleration density, m/s²/√Hz"
-            ),
-        };
-        match points[..] {
-            [] => Err(whole("the file has no point of a spectrum")),
-            [_] => Err(whole(
-                "one point is no spectrum, because the density is interpolated between points",
-            )),
-            _ => Ok(Self { points }),
-        }
-    }
-}
-
-/// The point on a line of a spectrum, after a frequency of `last`, Hz; none on an empty line.
-fn point(line: &str, last: f64) -> Result<Option<(f64, f64)>, String> {
-    let line = line.split('#').next().unwrap_or_default();
-    let words: Vec<_> = line
-        .split(|c: char| c.is_whitespace() || c == ',' || c == ';')
-        .filter(|word| !word.is_empty())
-        .collect();
-    let mut numbers = Vec::new();
-    for word in &words {
-        numbers.push(word.parse::<f64>().map_err(|_| {
-            format!(
-                "\"{word}\" is not a number; write a frequency, Hz, and an acceleration density, m/s²/√Hz, and # before what is not data"
-            )
-        })?);
-    }
-    let (hz, density) = match numbers[..] {
-        [] => return Ok(None),
-        [hz, density] => (hz, density),
-        _ => {
-            return Err(format!(
-                "expected two numbers, a frequency, Hz, and an acceleration density, m/s²/√Hz, found {}; decimals have a point",
-                numbers.len()
-            ));
-        }
-    };
-    if hz == 0.0 {
-        return Err(
-            "a spectrum cannot begin at 0 Hz, because it is interpolated on logarithmic axes; remove this line or give its lowest frequency"
-                .to_owned(),
-        );
-    }
-    if !(hz.is_finite() && hz > 0.0) {
-        return Err(format!("a frequency must be above 0 Hz, not {}", words[0]));
-    }
-    if hz <= last {
-        return Err(format!(
-            "frequencies must ascend, but {hz} Hz comes after {last} Hz; sort the lines, and give each frequency once"
-        ));
-    }
-    if !(0.0..=STRONGEST).contains(&density) {
-        return Err(format!(
-            "a density must be from 0 to {STRONGEST:e} m/s²/√Hz, not {}",
-            words[1]
-        ));
-    }
-    Ok(Some((hz, density)))
-}
-
-impl Spectrum {
-    /// The points on either side of `hz`, Hz; none outside.
-    fn around(&self, hz: f64) -> Option<[(f64, f64); 2]> {
-        let [first, last] = self.range();
-        if !(first..=last).contains(&hz) {
-            return None;
-        }
-        let above = self.points.partition_point(|(f, _)| *f < hz).max(1);
-        Some([self.points[above - 1], self.points[above]])
-    }
-
-    /// One-sided acceleration density at `hz`, Hz, in m/s²/√Hz.
-    fn density(&self, hz: f64) -> f64 {
-        let Some([(f0, d0), (f1, d1)]) = self.around(hz) else {
-            return 0.0;
-        };
-        if d0 > 0.0 && d1 > 0.0 {
-            d0 * ((d1.ln() - d0.ln()) * (hz.ln() - f0.ln()) / (f1.ln() - f0.ln())).exp()
-        } else {
-            d0 + (d1 - d0) * (hz - f0) / (f1 - f0)
-        }
-    }
-
-    /// As [`Floor::exponent`].
-    fn exponent(&self, hz: f64) -> f64 {
-        match self.around(hz) {
-            Some([(f0, d0), (f1, d1)]) if d0 > 0.0 && d1 > 0.0 => {
-                2.0 * (d1.ln() - d0.ln()) / (f1.ln() - f0.ln())
-            }
-            // A parabola takes more than one node.
-            Some([(f0, _), (f1, _)]) => 3.0 * hz / (f1 - f0),
-            None => 0.0,
-        }
-    }
-
-    /// Its lowest and its highest frequency, Hz.
-    fn range(&self) -> [f64; 2] {
-        // A spectrum has at least two points.
-        [0, self.points.len() - 1].map(|i| self.points[i].0)
-    }
-}
 
 /// Sources of the machine's motion: floor, sensor noise, ADC (noise and rounding), DAC
 /// (noise and rounding).
@@ -315,46 +111,6 @@ pub fn budget(
         force,
         stroke,
     })
-}
-
-/// The power densities of the board's noise, white up to half the sample rate.
-struct Noise {
-    /// Of each sensor's own noise, (m/s²)²/Hz or N²/Hz.
-    sensors: DVector<f64>,
-    /// Of the ADC referred to each sensor, (m/s²)²/Hz or N²/Hz.
-    adc: DVector<f64>,
-    /// Of the DAC, N²/Hz.
-    dac: f64,
-}
-
-impl Noise {
-    /// `moving`: whether the outputs change from sample to sample. The rounding of a constant
-    /// output is constant.
-    fn new(board: &Board, moving: bool) -> Self {
-        let nyquist = 0.5 * board.sample_rate;
-        let rounding = |lsb: f64| lsb * lsb / 12.0;
-        let adc = (board.adc_noise.powi(2) + rounding(board.adc.lsb())) / nyquist;
-        let (sensors, adc): (Vec<_>, Vec<_>) = board
-            .fed_back()
-            .flat_map(|sensor| {
-                let powers = (
-                    sensor.noise_density.powi(2),
-                    adc / sensor.sensitivity.powi(2),
-                );
-                [powers; LEGS]
-            })
-            .unzip();
-        let rounded = if moving {
-            rounding(board.dac.lsb())
-        } else {
-            0.0
-        };
-        Self {
-            sensors: DVector::from_vec(sensors),
-            adc: DVector::from_vec(adc),
-            dac: (board.dac_noise.powi(2) + rounded) / nyquist * board.actuator_gain.powi(2),
-        }
-    }
 }
 
 /// Everything that moves a machine.
