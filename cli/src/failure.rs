@@ -39,6 +39,10 @@ pub enum Failure {
         from: f64,
         to: f64,
     },
+    #[error(
+        "{}: the file has no floor.spectrum; give it, or one of --criterion, --white and --spectrum", .0.display()
+    )]
+    NoFloor(std::path::PathBuf),
     #[error(transparent)]
     Link(#[from] LinkError),
     #[error(transparent)]

@@ -84,7 +84,7 @@ fn sensor_noise(DesignedStudy { study, design }: &DesignedStudy) -> f64 {
     let (board, band) = (&study.machine().board, [0.5, 300.0]);
     let table = Some(&design.as_ref().unwrap().table);
     let floor = Floor::Criterion(Criterion::VcC);
-    let budget = budget(study.plant(), board, table, &floor, band).unwrap();
+    let budget = budget(study.plant(), board, table, &floor, band, None).unwrap();
     let powers = budget.performance.iter();
     let powers: Vec<_> = powers.map(|spectrum| budget.power(spectrum)).collect();
     let sensors: f64 = powers.iter().map(|powers| powers[1]).sum();

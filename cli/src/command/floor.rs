@@ -30,7 +30,7 @@ pub struct FloorArguments {
 }
 
 #[derive(Args)]
-#[group(required = true, multiple = false)]
+#[group(multiple = false)]
 struct FloorChoice {
     /// Floor at the limit of this vibration criterion.
     #[arg(long, value_parser = criterion())]
@@ -49,6 +49,7 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
     let Common { model, format } = &arguments.common;
     let band = band(arguments.from, arguments.to)?;
     let [from, to] = band;
+    let study = study(model)?;
     let (floor, name) = match &arguments.floor {
         FloorChoice {
             criterion: Some(criterion),
@@ -61,16 +62,22 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
             let name = path.display().to_string();
             (Floor::Table(read(path, &name)?), name)
         }
-        FloorChoice { white, .. } => {
-            let density = white.unwrap_or(f64::NAN);
-            between("white", density, [0.0, STRONGEST], " m/s²/√Hz")?;
-            (
-                Floor::White(density),
-                format!("white, {density:e} m/s²/√Hz"),
-            )
+        FloorChoice {
+            white: Some(density),
+            ..
+        } => {
+            between("white", *density, [0.0, STRONGEST], " m/s²/√Hz")?;
+            let floor = Floor::White(*density);
+            let name = floor.name();
+            (floor, name)
+        }
+        _ => {
+            let floor = study.machine().spectrum.clone();
+            let floor = floor.ok_or_else(|| Failure::NoFloor(model.clone()))?;
+            let name = floor.name();
+            (floor, name)
         }
     };
-    let study = study(model)?;
     let nyquist = 0.5 * study.machine().board.sample_rate;
     between("to", to, [from, nyquist], " Hz, half the sample rate")?;
     let [low, high] = floor.range();
@@ -84,8 +91,8 @@ pub fn floor(arguments: &FloorArguments, searcher: &Searcher) -> Result<(), Fail
         });
     }
     let design = searcher.design(model, &study)?;
-    let board = &study.machine().board;
-    let budgets = both_budgets(study.plant(), board, &design.table, &floor, band);
+    let (board, exposure) = (&study.machine().board, study.machine().exposure);
+    let budgets = both_budgets(study.plant(), board, &design.table, &floor, band, exposure);
     let [open, closed] = budgets.map_err(in_loop(model))?;
     print::warned(
         *format,

@@ -29,9 +29,10 @@ pub struct ReportArguments {
     /// Folder for every chart as SVG, PNG and CSV.
     #[arg(long, value_name = "FOLDER")]
     plots: Option<PathBuf>,
-    /// Floor at the limit of this vibration criterion.
-    #[arg(long, value_parser = criterion(), default_value = "vc-c")]
-    criterion: Criterion,
+    /// Floor at the limit of this vibration criterion [default: the floor.spectrum of the file, or
+    /// else vc-c].
+    #[arg(long, value_parser = criterion())]
+    criterion: Option<Criterion>,
 }
 
 pub fn report(arguments: &ReportArguments, searcher: &Searcher) -> Result<(), Failure> {

@@ -35,9 +35,10 @@ pub struct WatchArguments {
     /// HOST:PORT of the page; with port 0, a free port is taken.
     #[arg(long, default_value = "127.0.0.1:7780")]
     listen: String,
-    /// Floor at the limit of this vibration criterion.
-    #[arg(long, value_parser = criterion(), default_value = "vc-c")]
-    criterion: Criterion,
+    /// Floor at the limit of this vibration criterion [default: the floor.spectrum of the file, or
+    /// else vc-c].
+    #[arg(long, value_parser = criterion())]
+    criterion: Option<Criterion>,
 }
 
 /// The content of the page, and a number that grows with every change.
@@ -208,11 +209,12 @@ impl Follower<'_> {
     fn begin(&mut self) -> Result<(), Failure> {
         let begun = || {
             let json = tempfile::tempfile()?;
-            let criterion = self.arguments.criterion.key();
+            let criterion = self.arguments.criterion.map(Criterion::key);
             let process = Command::new(std::env::current_exe()?)
                 .arg("report")
                 .arg(&self.arguments.model)
-                .args(["--format", "json", "--criterion", criterion])
+                .args(["--format", "json"])
+                .args(criterion.into_iter().flat_map(|key| ["--criterion", key]))
                 .args(self.searcher.cache().is_none().then_some("--no-cache"))
                 .stdin(Stdio::null())
                 .stdout(json.try_clone()?)

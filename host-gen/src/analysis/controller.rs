@@ -5,10 +5,12 @@ use serde::Serialize;
 
 use super::bound::{Room, room};
 use super::delay::DelayBudget;
+use super::floors::FloorAnalysis;
 use super::isolation::{AT, ModeIsolation};
 use super::other_boards::{OtherBoard, other_boards};
 use super::rounding::{Rounding, rounding};
 use crate::closed_loop::SampledLoop;
+use crate::closed_loop::budget::both_budgets;
 use crate::closed_loop::margins::{Margins, margins};
 use crate::design::{Cache, Design, Study, StudyError};
 use crate::numeric::NumericError;
@@ -30,6 +32,8 @@ pub struct DesignAnalysis {
     pub(crate) margins: Margins,
     pub(crate) delay: DelayBudget,
     pub(crate) rounding: Vec<Rounding>,
+    /// On the floor of the file, in the band of its simulation.
+    pub(crate) floor: FloorAnalysis,
     pub(crate) chart: Vec<OtherBoard>,
 }
 
@@ -42,7 +46,18 @@ impl DesignAnalysis {
         let machine = study.machine();
         let closed = SampledLoop::new(study.plant(), &design.table);
         let poles = closed.poles()?;
+        let motion = machine.floor_motion();
+        let [open, under] = both_budgets(
+            study.plant(),
+            &machine.board,
+            &design.table,
+            &motion,
+            machine.simulation.floor_band,
+            machine.exposure,
+        )?;
+        let floor = FloorAnalysis::new(study, motion.name(), open, under).without_spectra();
         Ok(Self {
+            floor,
             machine: machine.name.clone(),
             model_sha256: machine.digest.to_string(),
             feedback: study.design_model().feedback.name(),

@@ -7,6 +7,7 @@ use crate::closed_loop::budget::{NoiseBudget, Powers, SOURCES};
 use crate::design::Study;
 use crate::floor::Criterion;
 use crate::machine::Board;
+use crate::numeric::exposure::Measure;
 use crate::numeric::quadrature::singular_hertz;
 
 /// Result of `host-gen floor`: the motion caused by the floor and the board's noise,
@@ -33,6 +34,8 @@ pub struct FloorAnalysis {
 
 #[derive(Debug, Serialize)]
 pub(crate) struct FloorSide {
+    /// What is measured of all performance outputs together: roots of the sums of their squares.
+    pub(crate) together: Vec<SourceShares>,
     /// The strictest of the judged criteria that the frame meets; none if it meets none of
     /// them.
     pub(crate) criterion: Option<&'static str>,
@@ -69,6 +72,18 @@ fn shares(powers: &Powers) -> (f64, Powers) {
     (total.sqrt(), powers.map(share))
 }
 
+impl SourceShares {
+    fn new(name: String, unit: &'static str, powers: &Powers) -> Self {
+        let (rms, shares) = shares(powers);
+        Self {
+            name,
+            unit,
+            rms,
+            shares,
+        }
+    }
+}
+
 fn dominant(powers: &Powers) -> &'static str {
     let largest = (0..SOURCES.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]));
     SOURCES[largest.unwrap_or(0)]
@@ -82,8 +97,29 @@ impl FloorSide {
             machine.actuators.iter().map(name).collect::<Vec<_>>()
         };
         let axes = ["x", "y", "z"].map(|axis| format!("frame {axis}")).to_vec();
+        let names = machine.performance_names();
+        let mut together = Vec::new();
+        let mut moving = Vec::new();
+        for measure in budget.measures() {
+            let (what, unit) = match measure {
+                Measure::Acceleration => ("acceleration", "m/s²"),
+                Measure::Average(_) => ("moving average", "m"),
+                Measure::Deviation(_) => ("moving deviation", "m"),
+            };
+            let of_output = |spectrum: &Vec<Powers>| budget.measured(spectrum, measure);
+            let powers: Vec<_> = budget.performance.iter().map(of_output).collect();
+            let sum = |source: usize| powers.iter().map(|powers| powers[source]).sum();
+            let all = core::array::from_fn(sum);
+            together.push(SourceShares::new(what.to_owned(), unit, &all));
+            if measure != Measure::Acceleration {
+                let outputs = names.iter().zip(&powers);
+                moving.extend(outputs.map(|(name, powers)| {
+                    SourceShares::new(format!("{name}, {what}"), unit, powers)
+                }));
+            }
+        }
         let groups = [
-            (&budget.performance, machine.performance_names(), "m/s²"),
+            (&budget.performance, names, "m/s²"),
             (&budget.frame, axes, "m/s"),
             (&budget.force, legs("force"), "N"),
             (&budget.stroke, legs("stroke"), "m"),
@@ -96,15 +132,8 @@ impl FloorSide {
                     .zip(names)
                     .map(move |(s, name)| (s, name, unit))
             })
-            .map(|(spectrum, name, unit)| {
-                let (rms, shares) = shares(&budget.power(spectrum));
-                SourceShares {
-                    name,
-                    unit,
-                    rms,
-                    shares,
-                }
-            })
+            .map(|(spectrum, name, unit)| SourceShares::new(name, unit, &budget.power(spectrum)))
+            .chain(moving)
             .collect();
         let thirds = budget.thirds().into_iter();
         let densities = |spectra: &[Vec<Powers>]| {
@@ -114,6 +143,7 @@ impl FloorSide {
                 .collect()
         };
         Self {
+            together,
             criterion: budget.criterion().map(Criterion::name),
             rms,
             thirds: thirds

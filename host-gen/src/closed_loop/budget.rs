@@ -17,6 +17,7 @@ use crate::floor::Floor;
 use crate::floor::criterion::{Criterion, third_centres, third_edges};
 use crate::machine::Board;
 use crate::numeric::NumericError;
+use crate::numeric::exposure::Measure;
 use crate::numeric::frequencies::grid;
 use crate::numeric::quadrature::{nodes, singular_hertz};
 use crate::numeric::six::ComplexMatrix6;
@@ -48,6 +49,8 @@ pub struct NoiseBudget {
     pub hz: Vec<f64>,
     /// The weight of each frequency in an integral over the band, Hz.
     weights: Vec<f64>,
+    /// Exposure time of moving averages and deviations, s.
+    exposure: Option<f64>,
     /// Power densities of the performance outputs, (m/s²)²/Hz.
     pub performance: Spectra,
     /// Power densities of the frame's velocity along x, y and z, (m/s)²/Hz.
@@ -59,7 +62,7 @@ pub struct NoiseBudget {
 }
 
 /// Noise budgets without control and with `table`, in this order, from the lower to the
-/// upper end of `band`, Hz.
+/// upper end of `band`, Hz; as [`budget`].
 ///
 /// # Errors
 /// [`NumericError`] if an eigenvalue iteration does not converge.
@@ -69,13 +72,15 @@ pub fn both_budgets(
     table: &ValidTable,
     floor: &Floor,
     band: [f64; 2],
+    exposure: Option<f64>,
 ) -> Result<[NoiseBudget; 2], NumericError> {
-    let of = |table| budget(plant, board, table, floor, band);
+    let of = |table| budget(plant, board, table, floor, band, exposure);
     Ok([of(None)?, of(Some(table))?])
 }
 
 /// The noise budget on `floor` in `band`, Hz, at least [`LOWEST`] and at most half the sample
-/// rate: with the loop closed under `table`, or without a table with constant outputs.
+/// rate: with the loop closed under `table`, or without a table with constant outputs. With an
+/// `exposure`, s, also moving averages and deviations over it can be had.
 ///
 /// # Errors
 /// [`NumericError`] if an eigenvalue iteration does not converge.
@@ -85,6 +90,7 @@ pub fn budget(
     table: Option<&ValidTable>,
     floor: &Floor,
     band: [f64; 2],
+    exposure: Option<f64>,
 ) -> Result<NoiseBudget, NumericError> {
     let law = table.map(LinearLaw::new);
     let sources = Sources {
@@ -92,6 +98,7 @@ pub fn budget(
         law,
         floor,
         noise: Noise::new(board, law.is_some()),
+        exposure,
     };
     let (hz, weights) = sources.nodes(board, band)?.into_iter().unzip();
     let points: Vec<[Vec<Powers>; 4]> = Vec::par_iter(&hz).map(|hz| sources.at(*hz)).collect();
@@ -106,6 +113,7 @@ pub fn budget(
         seen: [band[0].max(low), band[1].min(high)],
         hz,
         weights,
+        exposure,
         performance,
         frame,
         force,
@@ -119,6 +127,7 @@ struct Sources<'a> {
     law: Option<LinearLaw>,
     floor: &'a Floor,
     noise: Noise,
+    exposure: Option<f64>,
 }
 
 impl Sources<'_> {
@@ -142,6 +151,8 @@ impl Sources<'_> {
         let edges = third_centres().flat_map(third_edges);
         let inside = |hz: &f64| low < *hz && *hz < high;
         breaks.extend(edges.chain(self.floor.breaks()).filter(inside));
+        let average = self.exposure.map(Measure::Average);
+        breaks.extend(average.into_iter().flat_map(|measure| measure.breaks(band)));
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
         Ok(nodes(&breaks, &singular, |hz| self.floor.exponent(hz)))
@@ -202,6 +213,27 @@ impl NoiseBudget {
     /// Power of `spectrum` in the band, by source.
     pub fn power(&self, spectrum: &[Powers]) -> Powers {
         self.power_within(spectrum, self.band)
+    }
+
+    /// What can be measured of the performance outputs: their accelerations and, with an exposure
+    /// time, moving averages and deviations of their displacements.
+    pub fn measures(&self) -> impl Iterator<Item = Measure> {
+        let moving = |exposure| [Measure::Average(exposure), Measure::Deviation(exposure)];
+        let moving = self.exposure.into_iter().flat_map(moving);
+        [Measure::Acceleration].into_iter().chain(moving)
+    }
+
+    /// The power that `measure` makes of `spectrum`, one of accelerations, in the band, by source:
+    /// (m/s²)² or m².
+    pub fn measured(&self, spectrum: &[Powers], measure: Measure) -> Powers {
+        let mut sum = [0.0; SOURCES.len()];
+        for ((hz, weight), powers) in self.hz.iter().zip(&self.weights).zip(spectrum) {
+            let weight = weight * measure.weight(*hz);
+            for (sum, power) in sum.iter_mut().zip(powers) {
+                *sum += weight * power;
+            }
+        }
+        sum
     }
 
     /// Power of `spectrum` between two frequencies, Hz, between which and others no interval of

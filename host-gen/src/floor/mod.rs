@@ -27,6 +27,15 @@ pub enum Floor {
 }
 
 impl Floor {
+    /// What it is, in words.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Criterion(criterion) => criterion.name().to_owned(),
+            Self::White(density) => format!("white, {density:e} m/s²/√Hz"),
+            Self::Table(_) => "of the file".to_owned(),
+        }
+    }
+
     /// One-sided acceleration density at `hz`, Hz, in m/s²/√Hz.
     pub fn density(&self, hz: f64) -> f64 {
         match self {

@@ -48,19 +48,7 @@ impl FromStr for Spectrum {
             let last = points.last().map_or(0.0, |(hz, _)| *hz);
             points.extend(point(line, last).map_err(at_line)?);
         }
-        let whole = |message: &str| SpectrumError {
-            line: None,
-            message: format!(
-                "{message}; give at least two lines, each with a frequency, Hz, and an acceleration density, m/s²/√Hz"
-            ),
-        };
-        match points[..] {
-            [] => Err(whole("the file has no point of a spectrum")),
-            [_] => Err(whole(
-                "one point is no spectrum, because the density is interpolated between points",
-            )),
-            _ => Ok(Self { points }),
-        }
+        Self::of(points)
     }
 }
 
@@ -89,6 +77,11 @@ fn point(line: &str, last: f64) -> Result<Option<(f64, f64)>, String> {
             ));
         }
     };
+    checked(hz, density, last).map(Some)
+}
+
+/// A point of a spectrum after a frequency of `last`, Hz.
+fn checked(hz: f64, density: f64, last: f64) -> Result<(f64, f64), String> {
     if hz == 0.0 {
         return Err(
             "a spectrum cannot begin at 0 Hz, because it is interpolated on logarithmic axes; remove this line or give its lowest frequency"
@@ -96,7 +89,7 @@ fn point(line: &str, last: f64) -> Result<Option<(f64, f64)>, String> {
         );
     }
     if !(hz.is_finite() && hz > 0.0) {
-        return Err(format!("a frequency must be above 0 Hz, not {}", words[0]));
+        return Err(format!("a frequency must be above 0 Hz, not {hz}"));
     }
     if hz <= last {
         return Err(format!(
@@ -105,14 +98,48 @@ fn point(line: &str, last: f64) -> Result<Option<(f64, f64)>, String> {
     }
     if !(0.0..=STRONGEST).contains(&density) {
         return Err(format!(
-            "a density must be from 0 to {STRONGEST:e} m/s²/√Hz, not {}",
-            words[1]
+            "a density must be from 0 to {STRONGEST:e} m/s²/√Hz, not {density:?}"
         ));
     }
-    Ok(Some((hz, density)))
+    Ok((hz, density))
 }
 
 impl Spectrum {
+    /// A spectrum with these points: frequencies, Hz, and acceleration densities, m/s²/√Hz.
+    ///
+    /// # Errors
+    /// If a frequency is not above 0 and above the one before it, a density is not from 0 to
+    /// [`STRONGEST`], or there are fewer than two points; without a line.
+    pub fn new(points: &[[f64; 2]]) -> Result<Self, SpectrumError> {
+        let mut all = Vec::with_capacity(points.len());
+        let mut last = 0.0;
+        for &[hz, density] in points {
+            let point = checked(hz, density, last);
+            let error = |message| SpectrumError {
+                line: None,
+                message,
+            };
+            all.push(point.map_err(error)?);
+            last = hz;
+        }
+        Self::of(all)
+    }
+
+    /// A spectrum with these points, each of them checked.
+    fn of(points: Vec<(f64, f64)>) -> Result<Self, SpectrumError> {
+        let few = match points[..] {
+            [] => "there is no point of a spectrum",
+            [_] => "one point is no spectrum, because the density is interpolated between points",
+            _ => return Ok(Self { points }),
+        };
+        Err(SpectrumError {
+            line: None,
+            message: format!(
+                "{few}; give at least two, each with a frequency, Hz, and an acceleration density, m/s²/√Hz"
+            ),
+        })
+    }
+
     /// The points on either side of `hz`, Hz; none outside.
     fn around(&self, hz: f64) -> Option<[(f64, f64); 2]> {
         let [first, last] = self.range();

@@ -15,6 +15,8 @@ use super::file::{
     SupervisionSettings,
 };
 use super::source::Source;
+use crate::floor::Floor;
+use crate::numeric::exposure::Measure;
 
 /// A machine as checked. SI units.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,10 +41,14 @@ pub struct Machine {
     pub floor: [Direction; LEGS],
     /// Rotations of the base about x, y and z as parts of its translation, rad/m.
     pub rotation: Vector3<f64>,
+    /// The spectrum of the base's acceleration along each of x, y and z, where the file gives it.
+    pub spectrum: Option<Floor>,
     /// Performance outputs, Eq. (10), at least one.
     pub performance: Vec<Performance>,
     /// Bands to report peaks in: name, lower and upper limit, Hz.
     pub bands: Vec<(String, f64, f64)>,
+    /// Exposure time of moving averages and deviations, s.
+    pub exposure: Option<f64>,
     /// Acceleration of gravity, m/s².
     pub gravity: Vector3<f64>,
     /// Damping of the machine as a whole.
@@ -63,8 +69,8 @@ pub struct Machine {
     /// Sources of the numbers.
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description without comments and layout: everything that decides the
-    /// controller. Of `simulation` that is `floor_band` with `minimise = "rms"`, as is
-    /// `floor.rotation`; of `robustness` what the modal law is verified on; `provenance` is left out.
+    /// controller. Of `simulation` that is the floor, as are `floor.rotation` and
+    /// `floor.spectrum`, unless the search minimises the peaks; of `robustness` what the modal law is verified on; `provenance` is left out.
     pub digest: ModelDigest,
     /// Errors of gains that the controller does not know: zero for the machine of a file.
     pub(crate) gain_errors: GainErrors,
@@ -379,8 +385,10 @@ impl Machine {
             force_sensors,
             floor,
             rotation,
+            spectrum,
             performance,
             bands,
+            exposure,
             gravity,
             damping,
             target,
@@ -397,8 +405,14 @@ impl Machine {
             source: _,
         } = self;
         let shaken = match target.minimise {
-            Minimise::Rms => Some((simulation.floor_band, rotation)),
             Minimise::Peaks => None,
+            Minimise::Rms | Minimise::Average | Minimise::Deviation => Some((
+                simulation.floor_band,
+                simulation.floor_rms,
+                spectrum,
+                rotation,
+                exposure,
+            )),
         };
         // Debug prints numbers in the shortest form that reads back to the same bits.
         format!(
@@ -504,6 +518,28 @@ impl Machine {
             names.extend(legs().map(|&leg| self.beams[leg].name.clone()));
         }
         names
+    }
+
+    /// The motion of the floor: its spectrum, or else white with the rms of `simulation` over the
+    /// band of `simulation`.
+    pub fn floor_motion(&self) -> Floor {
+        let Simulation {
+            floor_rms,
+            floor_band: [low, high],
+            ..
+        } = self.simulation;
+        let white = || Floor::White(floor_rms / (high - low).sqrt());
+        self.spectrum.clone().unwrap_or_else(white)
+    }
+
+    /// What the search for a controller minimises the rms of; none if it minimises peaks.
+    pub(crate) fn measure(&self) -> Option<Measure> {
+        match self.target.minimise {
+            Minimise::Peaks => None,
+            Minimise::Rms => Some(Measure::Acceleration),
+            Minimise::Average => self.exposure.map(Measure::Average),
+            Minimise::Deviation => self.exposure.map(Measure::Deviation),
+        }
     }
 
     /// Names of the performance outputs.

@@ -179,7 +179,7 @@ pub struct MachineFile {
     #[serde(default)]
     pub supervision: SupervisionSettings,
     /// Settings of the standard simulation. Part of the digest only as far as the search for
-    /// the controller reads them: `floor_band`, with `minimise = "rms"`.
+    /// the controller reads them: `floor_band` and `floor_rms`, unless it minimises the peaks.
     #[serde(default, skip_serializing)]
     pub simulation: Simulation,
     /// Settings of the randomly perturbed machines, on which `robust` runs and a design of the
@@ -353,10 +353,30 @@ pub struct FloorEntry {
     pub inputs: IndexMap<String, DirectionEntry>,
     /// Rotations of the base about x, y and z through the mean position of the base's nodes,
     /// relative to its translations, rad/m. The spectrum of the floor times this is that of the
-    /// rotation, independent of all others. Not negative. Default: the base does not rotate. Part of the digest only with
-    /// `minimise = "rms"`, where the search for the controller reads it.
+    /// rotation, independent of all others. Not negative. Default: the base does not rotate. Part
+    /// of the digest only where the search for the controller reads it: unless it minimises the
+    /// peaks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[f64; 3]>,
+    /// One-sided spectrum of the base's acceleration along each of x, y and z: that of a vibration
+    /// criterion, `"vc-a"` to `"vc-g"` or `"nist-a"`, or points `[[frequency, density], …]`, Hz
+    /// and m/s²/√Hz, straight on logarithmic axes. Default: white, as `simulation` says. Part of
+    /// the digest only where the search for the controller reads it, as `rotation`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spectrum: Option<SpectrumEntry>,
+}
+
+/// The spectrum of the floor, in one of two notations.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a criterion, such as \"vc-e\", or points [[Hz, m/s²/√Hz], …]"
+)]
+pub enum SpectrumEntry {
+    /// The name of a vibration criterion: at its limit in every one-third-octave band.
+    Criterion(String),
+    /// Frequencies, Hz, ascending, and acceleration densities, m/s²/√Hz.
+    Points(Vec<[f64; 2]>),
 }
 
 /// `[performance]`: performance outputs, at least one, and frequency bands.
@@ -374,6 +394,11 @@ pub struct PerformanceEntry {
     /// reported.
     #[serde(default)]
     pub bands: IndexMap<String, [f64; 2]>,
+    /// Exposure time, s, for the moving average and the moving standard deviation of the
+    /// outputs' displacements. Above 0. Default: these are not computed. Part of the digest only
+    /// where the search for the controller reads it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<f64>,
 }
 
 /// `[damping]`: damping of the machine as a whole.
@@ -408,7 +433,8 @@ pub struct ControlEntry {
     /// Structure of the control law: `"modal"` (the default) or `"direct"`.
     #[serde(default)]
     pub law: LawName,
-    /// Objective of the search for the controller: `"peaks"` (the default) or `"rms"`.
+    /// Objective of the search for the controller: `"peaks"` (the default), `"rms"`,
+    /// `"average"` or `"deviation"`.
     #[serde(default)]
     pub minimise: Minimise,
     /// Shapes of the modal law, one for each of the six modes, slowest mode first, as
@@ -494,8 +520,15 @@ pub enum Minimise {
     /// The highest peaks of σ_max(G11) in the bands of `performance`.
     #[default]
     Peaks,
-    /// The rms of the performance outputs on the floor of `simulation`.
+    /// The rms of the performance outputs, accelerations, in `simulation.floor_band`: on the floor
+    /// of the file, with the noise of sensors, ADC and DAC.
     Rms,
+    /// As [`Rms`](Self::Rms), the rms of the moving averages of the outputs' displacements over
+    /// `performance.exposure`.
+    Average,
+    /// As [`Rms`](Self::Rms), the moving standard deviations of the outputs' displacements over
+    /// `performance.exposure`.
+    Deviation,
 }
 
 fn two() -> f64 {

@@ -199,6 +199,14 @@ const ALL: &[Limits] = &[
         "where machines vibrate",
     ),
     limits(
+        "floor.spectrum",
+        0.0,
+        1e9,
+        "Hz or m/s²/√Hz",
+        "no floor has other spectra",
+    ),
+    limits("performance.exposure", 1e-6, 1e4, "s", TIME_WHY),
+    limits(
         "damping.modal",
         0.0,
         1.0,

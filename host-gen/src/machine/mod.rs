@@ -37,7 +37,8 @@ pub(crate) use error::EntryError;
 pub use error::MachineError;
 pub use file::{
     Certainty, FeedbackKind, FilterEntry, LawName, MachineFile, Minimise, Provenance,
-    ResonanceEntry, RollOff, ShapeEntry, Simulation, SupervisionSettings, UnknownFeedback,
+    ResonanceEntry, RollOff, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
+    UnknownFeedback,
 };
 use source::Source;
 

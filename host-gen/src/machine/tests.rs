@@ -153,6 +153,7 @@ fn frame() -> MachineFile {
             ]
             .into(),
             rotation: None,
+            spectrum: None,
         },
         performance: PerformanceEntry {
             deformations: deformations.collect(),
@@ -162,6 +163,7 @@ fn frame() -> MachineFile {
                 ("internal".to_owned(), [40.0, 300.0]),
             ]
             .into(),
+            exposure: None,
         },
         damping: DampingEntry {
             modal: Some(0.005),

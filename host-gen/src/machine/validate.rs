@@ -17,10 +17,11 @@ use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, BodyEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind,
     ForceSensorEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry,
-    RollOff, SensorEntry, ShapeEntry, Simulation, SupervisionSettings,
+    RollOff, SensorEntry, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
 };
 use super::limits::{self, Limits};
 use super::source::{Source, has};
+use crate::floor::{Floor, Spectrum};
 
 type Checked<T> = Result<T, EntryError>;
 
@@ -43,14 +44,22 @@ fn digest(file: &MachineFile) -> ModelDigest {
         ..file.robustness.clone()
     });
     let mut file = file.clone();
-    let floor_band = match file.control.minimise {
-        Minimise::Rms => Some(file.simulation.floor_band),
+    if matches!(file.control.minimise, Minimise::Peaks | Minimise::Rms) {
+        file.performance.exposure = None;
+    }
+    let shaken = match file.control.minimise {
         Minimise::Peaks => {
             file.floor.rotation = None;
+            file.floor.spectrum = None;
             None
         }
+        Minimise::Rms | Minimise::Average | Minimise::Deviation => {
+            let settings = &file.simulation;
+            let white = file.floor.spectrum.is_none();
+            Some((settings.floor_band, white.then_some(settings.floor_rms)))
+        }
     };
-    let canonical = serde_json::to_vec(&(file, robustness, floor_band));
+    let canonical = serde_json::to_vec(&(file, robustness, shaken));
     let canonical = canonical.expect("numbers and strings serialise");
     ModelDigest(Sha256::digest(canonical).into())
 }
@@ -130,6 +139,8 @@ fn check(file: MachineFile) -> Checked<Machine> {
         not_negative("floor.rotation", part, "rad/m")?;
     }
 
+    let spectrum = file.floor.spectrum.as_ref().map(spectrum).transpose()?;
+
     let mut performance: Vec<_> = names
         .deformations("performance.deformations", &file.performance.deformations)?
         .into_iter()
@@ -160,7 +171,18 @@ fn check(file: MachineFile) -> Checked<Machine> {
         bands.push((name.clone(), low, high));
     }
 
+    let exposure = file.performance.exposure;
+    let exposure = exposure.map(|exposure| positive("performance.exposure", exposure, "s"));
+    let exposure = exposure.transpose()?;
+
     let target = target(&file.control)?;
+    if exposure.is_none() && matches!(target.minimise, Minimise::Average | Minimise::Deviation) {
+        return Err(EntryError::new(
+            "control.minimise",
+            "a moving average or deviation needs an exposure time",
+        )
+        .fix("give performance.exposure, in s"));
+    }
     match (target.feedback, &accelerometers, &force_sensors) {
         (FeedbackKind::Acceleration | FeedbackKind::Both, None, _) => {
             return Err(
@@ -207,8 +229,10 @@ fn check(file: MachineFile) -> Checked<Machine> {
         force_sensors,
         floor,
         rotation: Vector3::from(rotation),
+        spectrum,
         performance,
         bands,
+        exposure,
         gravity: finite3("gravity", &file.gravity, ", in m/s²")?,
         damping,
         target,
@@ -846,6 +870,22 @@ fn supervision(s: &SupervisionSettings, sample_rate: f64) -> Checked<()> {
     at_least_one("supervision.grown", s.grown as usize)?;
     at_least_one("supervision.strange", s.strange as usize)?;
     at_least_one("supervision.spikes", s.spikes as usize)
+}
+
+fn spectrum(entry: &SpectrumEntry) -> Checked<Floor> {
+    let wrong = |message| EntryError::new("floor.spectrum", message);
+    match entry {
+        SpectrumEntry::Criterion(name) => match name.parse() {
+            Ok(criterion) => Ok(Floor::Criterion(criterion)),
+            Err(error) => Err(wrong(format!(
+                "\"{name}\" is {error}, or points [[Hz, m/s²/√Hz], …]"
+            ))),
+        },
+        SpectrumEntry::Points(points) => match Spectrum::new(points) {
+            Ok(spectrum) => Ok(Floor::Table(spectrum)),
+            Err(error) => Err(wrong(error.message)),
+        },
+    }
 }
 
 fn simulation(s: &Simulation, sample_rate: f64) -> Checked<()> {

@@ -2,6 +2,7 @@
 
 pub(crate) mod discs;
 pub mod eigen;
+pub mod exposure;
 pub mod frequencies;
 pub(crate) mod loci;
 pub mod pencil;

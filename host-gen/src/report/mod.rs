@@ -35,6 +35,9 @@ mod text;
 /// Frequencies of singular values: lowest and highest, Hz, and their number.
 const SIGMA: (f64, f64, usize) = (0.1, 300.0, 400);
 
+/// The floor where neither the file nor the caller says one.
+const USUAL: Floor = Floor::Criterion(Criterion::VcC);
+
 /// Lowest and highest frequency of spectra, Hz.
 const SPECTRA: [f64; 2] = [0.5, 300.0];
 
@@ -107,7 +110,7 @@ impl Report {
     }
 
     /// The full report, with the design from `search` and the floor at the limit of
-    /// `criterion`. Of the kinds of feedback that the machine's file does not ask for, it
+    /// `criterion`; if none, that of the machine's file, or else at the limit of VC-C. Of the kinds of feedback that the machine's file does not ask for, it
     /// shows what needs no design.
     ///
     /// # Errors
@@ -115,11 +118,11 @@ impl Report {
     /// not converge. If no controller is found, the report gives the reason.
     pub fn new(
         machine: &Machine,
-        criterion: Criterion,
+        criterion: Option<Criterion>,
         search: &Search<'_>,
     ) -> Result<Self, StudyError> {
         let studies = DesignedStudy::own_feedback(machine, Some(search))?;
-        Self::of(machine, &studies, Some(criterion))
+        Self::of(machine, &studies, criterion)
     }
 
     /// As [`Report::new`], a report on the machine with each kind of feedback. Each report
@@ -129,11 +132,11 @@ impl Report {
     /// As [`Report::new`].
     pub fn by_feedback(
         machine: &Machine,
-        criterion: Criterion,
+        criterion: Option<Criterion>,
         search: &Search<'_>,
     ) -> Result<Vec<Self>, StudyError> {
         let studies = DesignedStudy::by_feedback(machine, search)?;
-        let report = |own: &DesignedStudy| Self::of(own.study.machine(), &studies, Some(criterion));
+        let report = |own: &DesignedStudy| Self::of(own.study.machine(), &studies, criterion);
         studies.iter().map(report).collect()
     }
 
@@ -157,13 +160,14 @@ impl Report {
             charts::frequencies(studies)?,
         ];
         let mut closed = None;
-        if let (Ok(design), Some(criterion)) = (&own.design, criterion) {
+        if let Ok(design) = &own.design {
             let table = &design.table;
             charts.extend(charts::loops(study, LinearLaw::new(table))?);
-            let floor = Floor::Criterion(criterion);
-            let board = &machine.board;
-            let budgets = both_budgets(study.plant(), board, table, &floor, SPECTRA)?;
-            charts.extend(charts::vibration(criterion.name(), &budgets));
+            let asked = criterion.map(Floor::Criterion);
+            let floor = asked.or_else(|| machine.spectrum.clone()).unwrap_or(USUAL);
+            let (board, exposure) = (&machine.board, machine.exposure);
+            let budgets = both_budgets(study.plant(), board, table, &floor, SPECTRA, exposure)?;
+            charts.extend(charts::vibration(&floor.name(), &budgets));
             // The long parts in parallel.
             let ((history, simulation), analysis) = rayon::join(
                 || {
@@ -178,12 +182,11 @@ impl Report {
             );
             charts.extend(charts::session(machine, &history));
             let [open, under] = budgets;
-            let name = criterion.name().to_owned();
             closed = Some(Closed {
                 poles: PoleAnalysis::new(study, table)?,
                 design: analysis?,
                 // The charts have the spectra.
-                floor: FloorAnalysis::new(study, name, open, under).without_spectra(),
+                floor: FloorAnalysis::new(study, floor.name(), open, under).without_spectra(),
                 simulation,
                 phases: history.phases,
                 table_format: shared::table::FORMAT_VERSION,

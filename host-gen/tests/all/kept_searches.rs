@@ -123,6 +123,21 @@ fn whatever_decides_the_controller_is_in_the_digest() {
     // The search minimises the rms on this band.
     assert_ne!(of(&band("[1.0, 200.0]")), of(&band("[20.0, 60.0]")));
     assert_ne!(of(&band("[1.0, 200.0]")).0, of(&band("[20.0, 60.0]")).0);
+    // So it does on this floor, and over this exposure.
+    for (minimise, key, read) in [
+        ("\"peaks\"", ("floor.spectrum", "\"vc-e\""), false),
+        ("\"rms\"", ("floor.spectrum", "\"vc-e\""), true),
+        ("\"rms\"", ("simulation.floor_rms", "2e-5"), true),
+        ("\"rms\"", ("performance.exposure", "0.5"), false),
+        ("\"average\"", ("performance.exposure", "0.5"), true),
+        ("\"deviation\"", ("performance.exposure", "0.5"), true),
+    ] {
+        let minimise = ("control.minimise", minimise);
+        let here = of(&[modal, ("performance.exposure", "0.1"), minimise]);
+        let there = of(&[modal, ("performance.exposure", "0.1"), minimise, key]);
+        assert_eq!(here.0 != there.0, read, "{minimise:?} {key:?}");
+        assert!(!read || here.1 != there.1, "{minimise:?} {key:?}");
+    }
     // It verifies the modal law on these machines.
     for (key, value) in [
         ("robustness.mass", "0.21"),

@@ -19,7 +19,7 @@ use serde_json::Value;
 /// Under the direct law, whose search is short.
 fn report(edits: &[(&str, &str)]) -> Report {
     let machine = parse(&edited(edits)).unwrap();
-    Report::new(&machine, Criterion::VcC, &search()).unwrap()
+    Report::new(&machine, Some(Criterion::VcC), &search()).unwrap()
 }
 
 fn value(review: &Review) -> Value {
@@ -389,7 +389,7 @@ fn warnings_and_what_is_missing() {
     }
 
     let machine = parse(&edited(&[("control.feedback", "\"force\"")]));
-    let report = Report::new(&machine.unwrap(), Criterion::VcC, &search()).unwrap();
+    let report = Report::new(&machine.unwrap(), Some(Criterion::VcC), &search()).unwrap();
     let json = value(&Review::new(vec![report]).unwrap());
     let reason = json["machines"][0]["missing"].as_str().unwrap();
     assert!(
@@ -411,12 +411,12 @@ fn other_kinds_are_designed_by_feedback_only() {
     let searches = || std::fs::read_dir(folder.path()).unwrap().count();
     let machine = parse(&edited(&[])).unwrap();
     let alone = || {
-        let report = Report::new(&machine, Criterion::VcC, &search).unwrap();
+        let report = Report::new(&machine, Some(Criterion::VcC), &search).unwrap();
         Review::new(vec![report]).unwrap().json()
     };
     let first = alone();
     assert_eq!(searches(), 1);
-    let each = Report::by_feedback(&machine, Criterion::VcC, &search).unwrap();
+    let each = Report::by_feedback(&machine, Some(Criterion::VcC), &search).unwrap();
     assert_eq!(searches(), 2);
     assert_eq!(alone(), first);
 

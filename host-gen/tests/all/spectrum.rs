@@ -81,7 +81,7 @@ fn tables_are_read_or_refused_truly() {
         ("10 1e-6", None, "one point is no spectrum"),
         ("0 1e-6\n100 1e-6", Some(1), "cannot begin at 0 Hz"),
         ("-1 1e-6\n100 1e-6", Some(1), "above 0 Hz, not -1"),
-        ("1 1e-6\nnan 1e-6", Some(2), "above 0 Hz, not nan"),
+        ("1 1e-6\nnan 1e-6", Some(2), "above 0 Hz, not NaN"),
         ("1 1e-6\ninf 1e-6", Some(2), "above 0 Hz, not inf"),
         ("1 1e-6\n1 1e-6", Some(2), "1 Hz comes after 1 Hz"),
         ("2 1e-6\n\n1 1e-6", Some(3), "1 Hz comes after 2 Hz"),
@@ -123,7 +123,15 @@ fn simpson(study: &Study, floor: &Floor, row: usize, [low, high]: [f64; 2], coun
 }
 
 fn open(study: &Study, floor: &Floor, band: [f64; 2]) -> NoiseBudget {
-    budget(study.plant(), &study.machine().board, None, floor, band).unwrap()
+    budget(
+        study.plant(),
+        &study.machine().board,
+        None,
+        floor,
+        band,
+        None,
+    )
+    .unwrap()
 }
 
 /// Against a second method, a thousand points to a hertz.
@@ -155,6 +163,7 @@ fn closed_loops_are_integrated() {
         Some(table),
         &floor,
         band,
+        None,
     )
     .unwrap();
     let count = 59_900;
@@ -260,7 +269,15 @@ fn the_budget_is_what_the_simulation_shows() {
             .map(|hz| format!("{hz} {}\n", settings.floor_rms * shape(hz) / total.sqrt()))
             .collect();
         let floor = self::table(&floor);
-        let budget = budget(study.plant(), board, Some(table), &floor, [0.3, 9000.0]).unwrap();
+        let budget = budget(
+            study.plant(),
+            board,
+            Some(table),
+            &floor,
+            [0.3, 9000.0],
+            None,
+        )
+        .unwrap();
         let run = run(study.plant(), board, &settings, table, true);
         assert_eq!(
             run.clamped_steps, 0,
@@ -344,6 +361,45 @@ fn a_base_rotates_only_as_the_file_says() {
     }
 }
 
+/// A spectrum in the file is that of a criterion or has points, and is checked like a file of
+/// points.
+#[test]
+fn spectra_in_the_file_are_checked() {
+    let of = |spectrum: &str| parse(&edited(&[("floor.spectrum", spectrum)]));
+    let criterion = of("\"vc-e\"").unwrap().floor_motion();
+    assert_eq!(criterion, Floor::Criterion(Criterion::VcE));
+    let points = of("[[1.0, 1e-6], [100.0, 2e-6]]").unwrap().floor_motion();
+    assert_eq!(points, table("1 1e-6\n100 2e-6"));
+    let white = parse(&edited(&[])).unwrap();
+    // The file's floor has 1e-3 m/s² between 1 and 200 Hz.
+    let density = white.floor_motion().density(10.0);
+    assert!((density * 199f64.sqrt() / white.simulation.floor_rms - 1.0).abs() < 1e-12);
+    for (wrong, words) in [
+        (
+            "\"vc-x\"",
+            "\"vc-x\" is not a criterion: write vc-a to vc-g",
+        ),
+        ("[[1.0, 1e-6]]", "one point is no spectrum"),
+        ("[[2.0, 1e-6], [1.0, 1e-6]]", "1 Hz comes after 2 Hz"),
+        ("[[0.0, 1e-6], [1.0, 1e-6]]", "cannot begin at 0 Hz"),
+        ("[[1.0, -1e-6], [2.0, 1e-6]]", "not -1e-6"),
+        ("[1.0, 2.0]", "expected the name of a criterion"),
+        ("3.0", "expected the name of a criterion"),
+    ] {
+        let error = of(wrong).unwrap_err();
+        assert_eq!(error.entry(), "floor.spectrum", "{wrong}: {error}");
+        assert!(error.message().contains(words), "{wrong}: {error}");
+    }
+    for minimise in ["\"average\"", "\"deviation\""] {
+        let error = parse(&edited(&[("control.minimise", minimise)])).unwrap_err();
+        assert_eq!(error.entry(), "control.minimise");
+        assert!(
+            error.to_string().contains("give performance.exposure"),
+            "{error}"
+        );
+    }
+}
+
 /// A rotation is checked, and it belongs to the digest if the search reads it.
 #[test]
 fn rotations_are_checked() {
@@ -418,7 +474,8 @@ fn held_outputs_are_not_rounded_anew() {
     let study = Study::new(machine).unwrap();
     let board = &study.machine().board;
     let still = Floor::White(0.0);
-    let [open, closed] = both_budgets(study.plant(), board, table, &still, [0.5, 300.0]).unwrap();
+    let [open, closed] =
+        both_budgets(study.plant(), board, table, &still, [0.5, 300.0], None).unwrap();
     let dac = |budget: &NoiseBudget| budget.power(&budget.force[0])[3];
     assert_eq!(dac(&open), 0.0);
     assert!(dac(&closed) > 0.0);
@@ -431,7 +488,7 @@ fn forces_beyond_the_limit_are_said() {
     let board = &study.machine().board;
     let said = |floor: &Floor| {
         let [open, closed] =
-            both_budgets(study.plant(), board, table, floor, [0.5, 300.0]).unwrap();
+            both_budgets(study.plant(), board, table, floor, [0.5, 300.0], None).unwrap();
         let force = |spectrum: &Vec<_>| closed.power(spectrum).iter().sum::<f64>().sqrt();
         let largest = closed.force.iter().map(force).fold(0.0, f64::max);
         let analysis = FloorAnalysis::new(study, String::new(), open, closed.clone());

@@ -289,20 +289,23 @@ impl Sector {
     }
 }
 
-/// Adds weight·‖V‖² for V with dV = −P·dC·Q.
+/// Adds weight·Σ ‖V‖² for each V with its Q, dV = −P·dC·Q.
 pub(super) fn add_square<const K: usize>(
     c: &[Complex<f64>; K],
     weight: f64,
-    v: &[ComplexMatrix6],
     p: &[ComplexMatrix6],
-    q: &Rows<K>,
+    moved: impl Iterator<Item = (Vec<ComplexMatrix6>, Rows<K>)>,
     sum: &mut Curvature<K>,
 ) {
-    sum.value += weight * v.iter().map(ComplexMatrix6::norm_squared).sum::<f64>();
-    let adjoint = q.adjoint();
-    let e = product(&gram(p, v), &adjoint);
     let pp = gram(p, p);
-    let qq = product(q, &adjoint);
+    let mut e = SMatrix::<Complex<f64>, LEGS, K>::zeros();
+    let mut qq = Square::<K>::zeros();
+    for (v, q) in moved {
+        sum.value += weight * v.iter().map(ComplexMatrix6::norm_squared).sum::<f64>();
+        let adjoint = q.adjoint();
+        e += product(&gram(p, &v), &adjoint);
+        qq += product(&q, &adjoint);
+    }
     for k in 0..K {
         sum.gradient[k] -= c[k] * e[(k % LEGS, k)].conj() * (2.0 * weight);
         for l in 0..K {

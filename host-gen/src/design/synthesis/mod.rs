@@ -12,6 +12,7 @@ mod points;
 mod problem;
 
 use core::f64::consts::{FRAC_1_SQRT_2, TAU};
+use core::ops::Range;
 
 use nalgebra::{Complex, SMatrix};
 use rayon::prelude::*;
@@ -19,7 +20,7 @@ use shared::LEGS;
 
 use barrier::Rows;
 use parameters::Parameters;
-use points::{Goal, Limits, Openings, Output, Point, Purpose, blocks};
+use points::{Goal, Limits, Openings, Output, Point, Purpose, Source, blocks};
 use problem::{Problem, Stage};
 
 use crate::closed_loop::SLOWEST;
@@ -30,10 +31,12 @@ use crate::control::law::{ac_coupling, channel_response};
 use crate::control::shape::{Filter, Resonance};
 use crate::control::{Shape, table};
 use crate::design::Study;
-use crate::machine::{FeedbackKind, Minimise, Target};
+use crate::machine::{FeedbackKind, Target};
 use crate::numeric::frequencies::grid;
 use crate::numeric::quadrature::nodes;
 use crate::numeric::six::ComplexMatrix6;
+use crate::plant::noise::Noise;
+use crate::plant::{Gain, Response};
 use crate::progress::Progress;
 
 /// The part of a limit that is used: a peak between two points of the grid may be higher.
@@ -235,9 +238,9 @@ impl Synthesis<'_> {
             let [input, inverse] = pair(beside);
             [inverse, input]
         }));
-        let bands = match self.target.minimise {
-            Minimise::Peaks => machine.bands.len().max(1),
-            Minimise::Rms => 0,
+        let levels = match machine.measure() {
+            None => machine.bands.len().max(1),
+            Some(_) => 0,
         };
         Problem {
             parameters: Parameters {
@@ -258,7 +261,7 @@ impl Synthesis<'_> {
             },
             points: self.points(self.study, &transform),
             beside: Vec::new(),
-            levels: bands,
+            levels,
         }
     }
 
@@ -277,7 +280,7 @@ impl Synthesis<'_> {
             .map(|m| m.map(Complex::from))
             .collect();
         // The rows of all sensors in modal coordinates.
-        let channels = |gain: &crate::plant::Gain, right: &ComplexMatrix6| -> Rows<K> {
+        let channels = |gain: &Gain, right: &ComplexMatrix6| -> Rows<K> {
             let mut rows = Rows::<K>::zeros();
             for (kind, input) in inputs.iter().enumerate().take(K / LEGS) {
                 let own = input * gain.fixed_rows::<LEGS>(kind * LEGS) * right;
@@ -310,18 +313,50 @@ impl Synthesis<'_> {
         };
         let mut peaks = plant.peaks();
         peaks.extend(self.sharp);
-        let seen = |rows: core::ops::Range<usize>, floor: ComplexMatrix6, hz: f64, goal: Goal| {
-            let response = sampled.response(hz);
-            let to_modes = channels(&response.from_floor(plant.sensors()), &floor);
-            point(
-                hz,
-                Purpose::Output(Output {
-                    from_modes: blocks(&(response.from_legs(rows.clone()) * output)),
-                    direct: blocks(&(response.from_floor(rows) * floor)),
+        // What moves with the floor, and the rows of the outputs from forces along the modes.
+        let shaken = |response: &Response, rows: Range<usize>, floor: &ComplexMatrix6| Source {
+            direct: blocks(&(response.from_floor(rows) * floor)),
+            to_modes: channels(&response.from_floor(plant.sensors()), floor),
+        };
+        let output_of = |hz: f64, rows: Range<usize>, sources: Vec<Source<K>>, goal: Goal| {
+            let from_legs = sampled.response(hz).from_legs(rows);
+            let from_modes = blocks(&(from_legs * output));
+            let output = Output {
+                from_modes,
+                sources,
+                goal,
+            };
+            point(hz, Purpose::Output(output))
+        };
+        let seen = |rows: Range<usize>, floor: ComplexMatrix6, hz: f64, goal: Goal| {
+            let source = shaken(&sampled.response(hz), rows.clone(), &floor);
+            output_of(hz, rows, vec![source], goal)
+        };
+        let noise = Noise::new(&machine.board, true);
+        // DAC, and sensors with their ADC, each kind by itself.
+        let noises = |response: &Response, rows: Range<usize>| {
+            let by_dac = ComplexMatrix6::identity() * Complex::from(noise.dac.sqrt());
+            let from_legs = response.from_legs(rows);
+            let mut sources = vec![Source {
+                direct: blocks(&(&from_legs * by_dac)),
+                to_modes: channels(&response.g22(), &by_dac),
+            }];
+            for (kind, input) in inputs.iter().enumerate().take(K / LEGS) {
+                let first = kind * LEGS;
+                let mut to_modes = Rows::<K>::zeros();
+                for sensor in 0..LEGS {
+                    let power = noise.sensors[first + sensor] + noise.adc[first + sensor];
+                    let column = input.column(sensor) * Complex::from(power.sqrt());
+                    to_modes
+                        .fixed_view_mut::<LEGS, 1>(first, sensor)
+                        .copy_from(&column);
+                }
+                sources.push(Source {
+                    direct: blocks(&Gain::zeros(from_legs.nrows())),
                     to_modes,
-                    goal,
-                }),
-            )
+                });
+            }
+            sources
         };
         let limit = |limit: f64, level: Option<usize>| Goal::Below { limit, level };
         let identity = ComplexMatrix6::identity();
@@ -350,26 +385,39 @@ impl Synthesis<'_> {
                 points.push(seen(plant.performance(), identity, hz, goal));
             }
         };
-        match self.target.minimise {
-            Minimise::Peaks if machine.bands.is_empty() => {
+        match machine.measure() {
+            None if machine.bands.is_empty() => {
                 band(self.isolation, high.max(2.0 * self.isolation), 120, 0.0, 0);
             }
-            Minimise::Peaks => {
+            None => {
                 for (index, ((_, low, high), &reference_db)) in
                     machine.bands.iter().zip(self.reference_db).enumerate()
                 {
                     band(*low, *high, 40, reference_db, index);
                 }
             }
-            Minimise::Rms => {
-                let floor = machine.simulation.floor_band;
+            Some(measure) => {
+                let floor = machine.floor_motion();
+                let [low, high] = machine.simulation.floor_band;
                 let singular: Vec<_> = peaks
                     .iter()
                     .map(|(hz, width)| Complex::new(*hz, *width))
                     .collect();
                 let base = plant.base.map(Complex::from);
-                for (hz, weight) in nodes(&floor, &singular, |_| 0.0) {
-                    points.push(seen(plant.performance(), base, hz, Goal::Square(weight)));
+                let mut breaks = vec![low, high];
+                let within = |hz: &f64| low < *hz && *hz < high;
+                breaks.extend(floor.breaks().into_iter().filter(within));
+                breaks.extend(measure.breaks([low, high]));
+                breaks.sort_by(f64::total_cmp);
+                breaks.dedup();
+                for (hz, weight) in nodes(&breaks, &singular, |hz| floor.exponent(hz)) {
+                    let response = sampled.response(hz);
+                    let base = base * Complex::from(floor.density(hz));
+                    let rows = plant.performance();
+                    let mut sources = vec![shaken(&response, rows.clone(), &base)];
+                    sources.extend(noises(&response, rows.clone()));
+                    let goal = Goal::Square(weight * measure.weight(hz));
+                    points.push(output_of(hz, rows, sources, goal));
                 }
             }
         }

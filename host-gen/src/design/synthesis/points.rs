@@ -27,25 +27,37 @@ pub(super) enum Purpose<const K: usize> {
     Output(Output<K>),
 }
 
-/// Outputs that see the floor through the loop: V = direct − from_modes·C·S·to_modes.
+/// Outputs that see each source through the loop: V = direct − from_modes·C·S·to_modes.
 #[derive(Clone)]
 pub(super) struct Output<const K: usize> {
     /// From forces along the modes to the outputs.
     pub(super) from_modes: Blocks,
-    /// From the floor to the outputs without control.
-    pub(super) direct: Blocks,
-    /// From the floor to the channels.
-    pub(super) to_modes: Rows<K>,
+    pub(super) sources: Vec<Source<K>>,
     pub(super) goal: Goal,
 }
 
+/// Six independent sources of motion: of the floor, or noise.
+#[derive(Clone)]
+pub(super) struct Source<const K: usize> {
+    /// To the outputs without control.
+    pub(super) direct: Blocks,
+    /// To the channels.
+    pub(super) to_modes: Rows<K>,
+}
+
 impl<const K: usize> Output<K> {
-    /// V with the forces along the modes X = S·C·to_modes.
-    fn motion(&self, forces: &ComplexMatrix6) -> Blocks {
-        let pairs = self.direct.iter().zip(&self.from_modes);
-        pairs
-            .map(|(direct, from_modes)| direct - product(from_modes, forces))
-            .collect()
+    /// V of each source, and X = S·C·to_modes, the forces along the modes.
+    fn motions(
+        &self,
+        s: &ComplexMatrix6,
+        c: &[Complex<f64>; K],
+    ) -> impl Iterator<Item = (&Source<K>, Blocks, ComplexMatrix6)> {
+        self.sources.iter().map(move |source| {
+            let forces = product(s, &times(c, &source.to_modes));
+            let pairs = source.direct.iter().zip(&self.from_modes);
+            let v = pairs.map(|(direct, from_modes)| direct - product(from_modes, &forces));
+            (source, v.collect(), forces)
+        })
     }
 }
 
@@ -314,12 +326,13 @@ impl<const K: usize> Point<K> {
             }
             Purpose::Output(output) => {
                 let p: Blocks = output.from_modes.iter().map(|m| product(m, &s)).collect();
-                let forces = product(&s, &times(c, &output.to_modes));
-                let v = output.motion(&forces);
-                let q = output.to_modes - product(&self.plant, &forces);
+                let moved = output.motions(&s, c).map(|(source, v, forces)| {
+                    let q = source.to_modes - product(&self.plant, &forces);
+                    (v, q)
+                });
                 let (limit, index) = match output.goal {
                     Goal::Square(weight) => {
-                        add_square(c, weight, &v, &p, &q, &mut cost.square);
+                        add_square(c, weight, &p, moved, &mut cost.square);
                         return Some(cost);
                     }
                     Goal::Below { limit, level } => {
@@ -327,14 +340,16 @@ impl<const K: usize> Point<K> {
                     }
                 };
                 let mut level = index.map(|_| LevelCurvature::zero());
-                let bounded = Bounded {
-                    v: &v,
-                    p: &p,
-                    q: &q,
-                    limit,
-                };
-                if !bounded.add(c, &mut cost.terms, level.as_mut()) {
-                    return None;
+                for (v, q) in moved {
+                    let bounded = Bounded {
+                        v: &v,
+                        p: &p,
+                        q: &q,
+                        limit,
+                    };
+                    if !bounded.add(c, &mut cost.terms, level.as_mut()) {
+                        return None;
+                    }
                 }
                 cost.level = index.zip(level);
             }
@@ -371,21 +386,24 @@ impl<const K: usize> Point<K> {
             }
             return Some((sum, 0.0, Some(eigenvalues)));
         };
-        let v = output.motion(&product(&s, &times(c, &output.to_modes)));
         let limit = match output.goal {
             Goal::Square(weight) => {
-                let square: f64 = v.iter().map(ComplexMatrix6::norm_squared).sum();
+                let size = |v: Blocks| v.iter().map(ComplexMatrix6::norm_squared).sum::<f64>();
+                let square: f64 = output.motions(&s, c).map(|(_, v, _)| size(v)).sum();
                 return Some((0.0, weight * square, None));
             }
             Goal::Below { limit, level } => limit * widening.factor(level),
         };
-        let bounded = Bounded {
-            v: &v,
-            p: &output.from_modes,
-            q: &output.to_modes,
-            limit,
-        };
-        Some((bounded.value()?, 0.0, None))
+        for (source, v, _) in output.motions(&s, c) {
+            let bounded = Bounded {
+                v: &v,
+                p: &output.from_modes,
+                q: &source.to_modes,
+                limit,
+            };
+            sum += bounded.value()?;
+        }
+        Some((sum, 0.0, None))
     }
 
     /// The largest factor by which a matrix at this point exceeds its limit, or, for a level, its
@@ -404,8 +422,9 @@ impl<const K: usize> Point<K> {
             }
             Purpose::Output(output) => {
                 if let Goal::Below { limit, .. } = output.goal {
-                    let v = output.motion(&product(&s, &times(c, &output.to_modes)));
-                    highest = largest(&v) / limit;
+                    for (_, v, _) in output.motions(&s, c) {
+                        highest = highest.max(largest(&v) / limit);
+                    }
                 }
             }
         }

@@ -515,9 +515,11 @@ impl<const K: usize> Problem<K> {
 mod tests {
     use super::*;
     use crate::closed_loop::SampledLoop;
+    use crate::closed_loop::budget::budget;
     use crate::control::table;
     use crate::design::Study;
     use crate::design::synthesis::Synthesis;
+    use crate::floor::{Criterion, Floor};
     use crate::machine::{Machine, Minimise, RollOff};
     use crate::numeric::frequencies::pole_peaks;
 
@@ -659,10 +661,82 @@ mod tests {
         assert!(enough, "{counts:?}");
     }
 
+    /// The mean square against that of the noise budget, which knows no modal coordinates and finds
+    /// its frequencies from the poles of the loop, not of the plant.
+    fn check_mean_square<const K: usize>(file: &str, minimise: Minimise) {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
+        let mut machine = Machine::load(&path.join(file)).unwrap();
+        machine.target.minimise = minimise;
+        machine.exposure = Some(0.03);
+        machine.spectrum = Some(Floor::Criterion(Criterion::VcE));
+        let study = Study::new(machine).unwrap();
+        let (machine, plant, model) = (study.machine(), study.plant(), study.design_model());
+        let synthesis = Synthesis {
+            study: &study,
+            target: machine.target,
+            reference_db: &[],
+            isolation: 1.4,
+            sharp: &pole_peaks(&study.zeros().unwrap()),
+            drawn: &[],
+            progress: &(),
+        };
+        let problem = synthesis.problem::<K>();
+        let start = synthesis.starts(&problem).remove(0);
+        let filters = problem.parameters.filters(&start);
+        let parts = problem.points.iter().filter_map(|point| {
+            let Purpose::Output(output) = &point.purpose else {
+                return None;
+            };
+            matches!(output.goal, Goal::Square(_)).then(|| {
+                let gains = problem.channels(&filters, point).gains;
+                let none = Widening {
+                    all: false,
+                    levels: &[],
+                };
+                point
+                    .value(&gains, &problem.openings, problem.limits, none)
+                    .unwrap()
+                    .1
+            })
+        });
+        let found: f64 = parts.sum();
+        let shapes = problem.parameters.shapes(&start);
+        let table = table::modal(machine, plant, model, &machine.target, &shapes).unwrap();
+        let band = machine.simulation.floor_band;
+        let floor = machine.floor_motion();
+        let budget = budget(
+            plant,
+            &machine.board,
+            Some(&table),
+            &floor,
+            band,
+            machine.exposure,
+        );
+        let budget = budget.unwrap();
+        let measure = machine.measure().unwrap();
+        let powers = budget
+            .performance
+            .iter()
+            .map(|of| budget.measured(of, measure));
+        let expected: f64 = powers.flatten().sum();
+        // The table's coefficients are single precision.
+        let apart = (found / expected - 1.0).abs();
+        assert!(apart < 1e-3, "{file} {minimise:?}: {found:e} {expected:e}");
+    }
+
+    #[test]
+    fn the_mean_square_is_that_of_the_budget() {
+        for minimise in [Minimise::Rms, Minimise::Average, Minimise::Deviation] {
+            check_mean_square::<LEGS>("nucleo-h743.toml", minimise);
+        }
+        check_mean_square::<{ 2 * LEGS }>("both-sensors.toml", Minimise::Rms);
+    }
+
     #[test]
     fn derivatives_are_differences() {
         check::<LEGS>("nucleo-h743.toml", Minimise::Peaks);
         check::<LEGS>("nucleo-h743.toml", Minimise::Rms);
         check::<{ 2 * LEGS }>("both-sensors.toml", Minimise::Peaks);
+        check::<{ 2 * LEGS }>("both-sensors.toml", Minimise::Rms);
     }
 }

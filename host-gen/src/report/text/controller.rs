@@ -22,6 +22,7 @@ impl Display for DesignAnalysis {
         if let Some(room) = &self.room {
             write_room(f, room)?;
         }
+        self.floor.write_together(f)?;
         let micro = |s: f64| 1e6 * s;
         let DelayBudget {
             latch,

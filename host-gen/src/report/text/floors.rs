@@ -3,19 +3,15 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::aligned::{TITLE, WARNING, cells, write_table};
-use crate::analysis::floors::FloorAnalysis;
+use crate::analysis::floors::{FloorAnalysis, SourceShares};
 
-impl Display for FloorAnalysis {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{TITLE}{} on the floor {}, {} to {} Hz, {} feedback{TITLE:#}",
-            self.machine, self.floor, self.low_hz, self.high_hz, self.feedback
-        )?;
+impl FloorAnalysis {
+    /// Writes the rms values of both sides.
+    fn write_rms(&self, f: &mut Formatter<'_>, sides: [&[SourceShares]; 2]) -> fmt::Result {
         let mut head = cells(["rms", "unit", "open", "closed"]);
         head.extend(self.sources.map(|source| format!("from {source}")));
-        let sides = self.open.rms.iter().zip(&self.closed.rms);
-        let rows = sides.map(|(open, closed)| {
+        let [open, closed] = sides;
+        let rows = open.iter().zip(closed).map(|(open, closed)| {
             let mut row = cells([&closed.name, closed.unit]);
             row.extend([open.rms, closed.rms].map(|x| format!("{x:.2e}")));
             row.extend(closed.shares.map(|share| format!("{:.1} %", 100.0 * share)));
@@ -25,7 +21,28 @@ impl Display for FloorAnalysis {
         writeln!(
             f,
             "  The shares are those of the power with the loop closed."
+        )
+    }
+
+    /// Writes what is measured of all performance outputs together.
+    pub(super) fn write_together(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{TITLE}Performance on the floor {}, {} to {} Hz, all outputs together{TITLE:#}",
+            self.floor, self.low_hz, self.high_hz
         )?;
+        self.write_rms(f, [&self.open.together, &self.closed.together])
+    }
+}
+
+impl Display for FloorAnalysis {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{TITLE}{} on the floor {}, {} to {} Hz, {} feedback{TITLE:#}",
+            self.machine, self.floor, self.low_hz, self.high_hz, self.feedback
+        )?;
+        self.write_rms(f, [&self.open.rms, &self.closed.rms])?;
         if !self.closed.thirds.is_empty() {
             writeln!(
                 f,

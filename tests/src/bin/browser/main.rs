@@ -64,7 +64,7 @@ fn run(cli: &Cli) -> Result<()> {
         cache: cache.as_ref(),
         ..Search::FULL
     };
-    let report = |machine| Report::new(machine, Criterion::VcC, &search);
+    let report = |machine| Report::new(machine, Some(Criterion::VcC), &search);
     let review = Review::new(vec![report(&machine)?])?;
     let seen = Seen::open(&browser, &write(folder.path(), "one.html", &review)?)?;
     seen.charts(&charts(&review))?;
