@@ -5,6 +5,7 @@ mod arguments;
 mod command;
 mod failure;
 mod files;
+mod floor;
 mod print;
 mod search;
 mod signals;

@@ -4,15 +4,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use host_gen::floor::Criterion;
 use host_gen::machine::Machine;
 use host_gen::report::page::page;
 use host_gen::report::plots::{csv, png, svg};
 use host_gen::report::{Report, Review};
 
-use crate::arguments::{Format, Several, criterion};
+use crate::arguments::{Format, Several};
 use crate::failure::{Failure, in_study};
 use crate::files::write_whole;
+use crate::floor::FloorChoice;
 use crate::print;
 use crate::search::{Bar, Searcher};
 
@@ -29,23 +29,23 @@ pub struct ReportArguments {
     /// Folder for every chart as SVG, PNG and CSV.
     #[arg(long, value_name = "FOLDER")]
     plots: Option<PathBuf>,
-    /// Floor at the limit of this vibration criterion [default: the floor.spectrum of the file, or
-    /// else vc-c].
-    #[arg(long, value_parser = criterion())]
-    criterion: Option<Criterion>,
+    /// The floor [default: the floor.spectrum of the file, or else vc-c].
+    #[command(flatten)]
+    floor: FloorChoice,
 }
 
 pub fn report(arguments: &ReportArguments, searcher: &Searcher) -> Result<(), Failure> {
     let machines = arguments.several.load()?;
     let bar = Bar::search();
-    let (criterion, search) = (arguments.criterion, searcher.full(&bar));
+    let floor = arguments.floor.floor()?;
+    let (floor, search) = (floor.as_ref(), searcher.full(&bar));
     let of = in_study(&arguments.several.models[0]);
     let mut reports = Vec::new();
     for machine in &machines {
         if arguments.several.by_feedback {
-            reports.extend(Report::by_feedback(machine, criterion, &search).map_err(&of)?);
+            reports.extend(Report::by_feedback(machine, floor, &search).map_err(&of)?);
         } else {
-            reports.push(Report::new(machine, criterion, &search).map_err(&of)?);
+            reports.push(Report::new(machine, floor, &search).map_err(&of)?);
         }
     }
     drop(bar);

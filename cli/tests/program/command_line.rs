@@ -318,6 +318,8 @@ fn analysis_commands() {
     let bad = host_gen(&["floor", &model, "--spectrum", "s.txt"], folder.path());
     assert!(text(&bad.stderr).contains("s.txt:2: frequencies must ascend"));
     floors_are_refused_truly(&model, folder.path());
+    floors_are_those_of_the_file(&model, folder.path());
+    floors_are_recorded(&model, folder.path());
     let robust = run(&["robust", &model, "--samples", "4", "--seed", "9"]);
     assert_eq!(
         (&robust["samples"], &robust["stable"]),
@@ -341,6 +343,85 @@ fn analysis_commands() {
 
 /// Floors of which nothing can be said are refused with the cause; what is not known of others is
 /// said, and no criterion is claimed for it.
+/// Without an option, the floor is that of the file, which `design` uses too; with an exposure time
+/// both show moving averages and deviations.
+fn floors_are_those_of_the_file(model: &str, folder: &Path) {
+    let without = host_gen(&["floor", model], folder);
+    let words = text(&without.stderr);
+    assert!(!without.status.success() && words.contains("the file has no floor.spectrum"));
+    let shaken = format!(
+        "based_on = \"{model}\"\nname = \"shaken\"\n[floor]\nspectrum = \"vc-e\"\n[performance]\nexposure = 0.02\n"
+    );
+    fs::write(folder.join("shaken.toml"), shaken).unwrap();
+    let of = |command: &str| {
+        json(&host_gen(
+            &[command, "shaken.toml", "--format", "json"],
+            folder,
+        ))
+    };
+    for floor in [of("floor"), of("design")["floor"].clone()] {
+        assert_eq!(floor["floor"], "VC-E");
+        for side in ["open", "closed"] {
+            let together = floor[side]["together"].as_array().unwrap();
+            let units: Vec<_> = together.iter().map(|row| row["unit"].as_str()).collect();
+            assert_eq!(units, [Some("m/s²"), Some("m"), Some("m")]);
+            assert_eq!(
+                floor[side]["rms"].as_array().unwrap().len(),
+                6 + 3 + 6 + 6 + 12
+            );
+        }
+    }
+}
+
+/// A record's spectra are those that another program may give as points.
+fn floors_are_recorded(model: &str, folder: &Path) {
+    let mut rows = String::from("z [mg],time [s]\n");
+    for i in 0..4000 {
+        // A chirp and its alias fill the band.
+        let t = f64::from(i) * 1e-3;
+        rows += &format!("{},{t}\n", 0.01 * (30.0 * t * t * t + 7.0 * t).sin());
+    }
+    fs::write(folder.join("floor.csv"), &rows).unwrap();
+    let on = |more: &[&str]| {
+        host_gen(
+            &[&["floor", model, "--format", "json"], more].concat(),
+            folder,
+        )
+    };
+    let recorded = json(&on(&["--record", "floor.csv"]));
+    // 4,000 samples are sixteen windows of 470, each half over the next.
+    assert_eq!(recorded["floor"], "floor.csv (16 windows of 0.470 s)");
+    assert!(recorded["open"]["rms"][0]["rms"].as_f64().unwrap() > 0.0);
+    for (more, words) in [
+        (
+            &["--record", "floor.csv", "--rate", "1000"][..],
+            "leave --rate out",
+        ),
+        (
+            &["--record", "floor.csv", "--criterion", "vc-c"],
+            "cannot be used with",
+        ),
+        (&["--rate", "1000", "--criterion", "vc-c"], "--record"),
+        (&["--record", "none.csv"], "none.csv"),
+    ] {
+        let refused = on(more);
+        assert!(!refused.status.success());
+        assert!(
+            text(&refused.stderr).contains(words),
+            "{}",
+            text(&refused.stderr)
+        );
+    }
+    let gap = rows.replace(",1.5\n", ",1.6\n");
+    fs::write(folder.join("floor.csv"), gap).unwrap();
+    let refused = on(&["--record", "floor.csv"]);
+    assert!(
+        text(&refused.stderr).contains("floor.csv:1502: "),
+        "{}",
+        text(&refused.stderr)
+    );
+}
+
 fn floors_are_refused_truly(model: &str, folder: &Path) {
     let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/floor");
     let given = |name: &str| cases.join(name).display().to_string();
@@ -358,7 +439,7 @@ fn floors_are_refused_truly(model: &str, folder: &Path) {
         (
             given("floor-empty.txt"),
             &[][..],
-            "floor-empty.txt: the file has no point",
+            "floor-empty.txt: there is no point",
         ),
         (
             given("floor-one-point.txt"),

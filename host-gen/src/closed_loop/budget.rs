@@ -173,8 +173,8 @@ impl Sources<'_> {
             .try_inverse()
             .unwrap_or_else(Matrix6::zeros);
         let from_sensors = from_dac * &controller;
-        let base = model.base.map(Complex::from);
-        let floor = self.floor.density(hz).powi(2);
+        let motions = Matrix6::from_diagonal(&self.floor.motions(hz));
+        let base = (model.base * motions).map(Complex::from);
         let Noise { sensors, adc, dac } = &self.noise;
         let powers = |by_floor: &Gain, by_force: &Gain, scale: f64| -> Vec<Powers> {
             let by_base = by_floor * base;
@@ -184,7 +184,7 @@ impl Sources<'_> {
             let by_dac = by_force * from_dac;
             let of_row = |i| {
                 let powers = [
-                    by_base.row(i).norm_squared() * floor,
+                    by_base.row(i).norm_squared(),
                     sensors[i],
                     adc[i],
                     by_dac.row(i).norm_squared() * dac,

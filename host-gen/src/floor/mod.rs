@@ -3,16 +3,23 @@
 //! Spectra are one-sided densities.
 
 pub mod criterion;
+pub mod record;
 pub mod spectrum;
 
 use core::f64::consts::TAU;
 
+use nalgebra::Vector6;
+
 pub use criterion::Criterion;
+pub use record::{Record, Welch};
 pub use spectrum::{STRONGEST, Spectrum, SpectrumError};
 
 /// Bandwidth of a one-third-octave band relative to its centre frequency, 2^(1/6) −
 /// 2^(−1/6).
 const THIRD: f64 = 0.231_563;
+
+/// The axes x, y and z.
+pub(crate) const AXES: usize = 3;
 
 /// Vibration of the floor: the acceleration of the rigid base along each of x, y and z,
 /// independent of each other, and of its rotations as the machine's file says.
@@ -22,8 +29,26 @@ pub enum Floor {
     Criterion(Criterion),
     /// White acceleration, one-sided amplitude density, m/s²/√Hz.
     White(f64),
-    /// A spectrum given point by point.
+    /// A spectrum given point by point, along each of x, y and z.
     Table(Spectrum),
+    /// Spectra along x, y and z.
+    Axes(Box<[Spectrum; AXES]>),
+}
+
+/// A floor and what it is called.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedFloor {
+    /// The floor.
+    pub floor: Floor,
+    /// Its name, for people.
+    pub name: String,
+}
+
+impl From<Floor> for NamedFloor {
+    fn from(floor: Floor) -> Self {
+        let name = floor.name();
+        Self { floor, name }
+    }
 }
 
 impl Floor {
@@ -32,17 +57,28 @@ impl Floor {
         match self {
             Self::Criterion(criterion) => criterion.name().to_owned(),
             Self::White(density) => format!("white, {density:e} m/s²/√Hz"),
-            Self::Table(_) => "of the file".to_owned(),
+            Self::Table(_) | Self::Axes(_) => "of the file".to_owned(),
         }
     }
 
-    /// One-sided acceleration density at `hz`, Hz, in m/s²/√Hz.
-    pub fn density(&self, hz: f64) -> f64 {
+    /// One-sided acceleration densities along x, y and z at `hz`, Hz, in m/s²/√Hz.
+    pub fn densities(&self, hz: f64) -> [f64; AXES] {
         match self {
-            Self::Criterion(criterion) => TAU * hz * criterion.velocity(hz) / (THIRD * hz).sqrt(),
-            Self::White(density) => *density,
-            Self::Table(spectrum) => spectrum.density(hz),
+            Self::Criterion(criterion) => {
+                [TAU * hz * criterion.velocity(hz) / (THIRD * hz).sqrt(); AXES]
+            }
+            Self::White(density) => [*density; AXES],
+            Self::Table(spectrum) => [spectrum.density(hz); AXES],
+            Self::Axes(spectra) => spectra.each_ref().map(|spectrum| spectrum.density(hz)),
         }
+    }
+
+    /// Densities of the motions of the base: those along x, y and z, and their root mean square
+    /// thrice, of which the rotations are a part; m/s²/√Hz.
+    pub(crate) fn motions(&self, hz: f64) -> Vector6<f64> {
+        let [x, y, z] = self.densities(hz);
+        let mean = (x * x + y * y + z * z).sqrt() / (AXES as f64).sqrt();
+        Vector6::new(x, y, z, mean, mean, mean)
     }
 
     /// The frequencies for which the floor is given, lowest and highest, Hz.
@@ -50,6 +86,12 @@ impl Floor {
         match self {
             Self::Criterion(_) | Self::White(_) => [0.0, f64::INFINITY],
             Self::Table(spectrum) => spectrum.range(),
+            Self::Axes(spectra) => {
+                let ranges = spectra.each_ref().map(Spectrum::range);
+                let low = ranges.iter().map(|[low, _]| *low).fold(0.0, f64::max);
+                let high = ranges.iter().map(|[_, high]| *high);
+                [low, high.fold(f64::INFINITY, f64::min)]
+            }
         }
     }
 
@@ -59,15 +101,21 @@ impl Floor {
             Self::Criterion(criterion) => criterion.breaks().to_vec(),
             Self::White(_) => Vec::new(),
             Self::Table(spectrum) => spectrum.hertz().collect(),
+            Self::Axes(spectra) => spectra.iter().flat_map(Spectrum::hertz).collect(),
         }
     }
 
     /// How steep the power density is at `hz`, Hz, where it is steeper than a criterion: about
-    /// d ln density²/d ln hz.
+    /// d ln density²/d ln hz, the steepest axis.
     pub(crate) fn exponent(&self, hz: f64) -> f64 {
         match self {
             Self::Criterion(_) | Self::White(_) => 0.0,
             Self::Table(spectrum) => spectrum.exponent(hz),
+            Self::Axes(spectra) => {
+                let all = spectra.iter().map(|spectrum| spectrum.exponent(hz));
+                all.max_by(|a, b| a.abs().total_cmp(&b.abs()))
+                    .unwrap_or(0.0)
+            }
         }
     }
 }

@@ -332,7 +332,7 @@ pub fn vibration(floor: &str, [open, closed]: &[NoiseBudget; 2]) -> [Chart; 2] {
             "vibration",
             "Velocity of the frame, and the vibration criteria",
             format!(
-                "One-third octaves, rms, the worst of x, y and z, on a floor at the limit of {floor}. The frame meets a criterion if it stays below its line."
+                "One-third octaves, rms, the worst of x, y and z, on the floor {floor}. The frame meets a criterion if it stays below its line."
             ),
             [hertz().from_to(0.9, 100.0), Axis::log("velocity, µm/s rms")],
             series,

@@ -15,8 +15,7 @@ use crate::analysis::zeros::ZeroAnalysis;
 use crate::closed_loop::budget::both_budgets;
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, NoDesign, Search, StudyError};
-use crate::floor::Criterion;
-use crate::floor::Floor;
+use crate::floor::{Criterion, Floor, NamedFloor};
 use crate::machine::{FeedbackKind, Machine};
 use crate::simulate::run::{Comparison, compare};
 use crate::simulate::session::{Phase, history};
@@ -109,8 +108,8 @@ impl Report {
         Self::of(machine, &DesignedStudy::own_feedback(machine, None)?, None)
     }
 
-    /// The full report, with the design from `search` and the floor at the limit of
-    /// `criterion`; if none, that of the machine's file, or else at the limit of VC-C. Of the kinds of feedback that the machine's file does not ask for, it
+    /// The full report, with the design from `search` on `floor`; if none, on that of the
+    /// machine's file, or else at the limit of VC-C. Of the kinds of feedback that the machine's file does not ask for, it
     /// shows what needs no design.
     ///
     /// # Errors
@@ -118,11 +117,11 @@ impl Report {
     /// not converge. If no controller is found, the report gives the reason.
     pub fn new(
         machine: &Machine,
-        criterion: Option<Criterion>,
+        floor: Option<&NamedFloor>,
         search: &Search<'_>,
     ) -> Result<Self, StudyError> {
         let studies = DesignedStudy::own_feedback(machine, Some(search))?;
-        Self::of(machine, &studies, criterion)
+        Self::of(machine, &studies, floor)
     }
 
     /// As [`Report::new`], a report on the machine with each kind of feedback. Each report
@@ -132,18 +131,18 @@ impl Report {
     /// As [`Report::new`].
     pub fn by_feedback(
         machine: &Machine,
-        criterion: Option<Criterion>,
+        floor: Option<&NamedFloor>,
         search: &Search<'_>,
     ) -> Result<Vec<Self>, StudyError> {
         let studies = DesignedStudy::by_feedback(machine, search)?;
-        let report = |own: &DesignedStudy| Self::of(own.study.machine(), &studies, criterion);
+        let report = |own: &DesignedStudy| Self::of(own.study.machine(), &studies, floor);
         studies.iter().map(report).collect()
     }
 
     fn of(
         machine: &Machine,
         studies: &[DesignedStudy],
-        criterion: Option<Criterion>,
+        floor: Option<&NamedFloor>,
     ) -> Result<Self, StudyError> {
         let kind = machine.target.feedback;
         let own = studies
@@ -163,11 +162,11 @@ impl Report {
         if let Ok(design) = &own.design {
             let table = &design.table;
             charts.extend(charts::loops(study, LinearLaw::new(table))?);
-            let asked = criterion.map(Floor::Criterion);
-            let floor = asked.or_else(|| machine.spectrum.clone()).unwrap_or(USUAL);
+            let own = || machine.spectrum.clone().unwrap_or(USUAL).into();
+            let NamedFloor { floor, name } = floor.cloned().unwrap_or_else(own);
             let (board, exposure) = (&machine.board, machine.exposure);
             let budgets = both_budgets(study.plant(), board, table, &floor, SPECTRA, exposure)?;
-            charts.extend(charts::vibration(&floor.name(), &budgets));
+            charts.extend(charts::vibration(&name, &budgets));
             // The long parts in parallel.
             let ((history, simulation), analysis) = rayon::join(
                 || {
@@ -186,7 +185,7 @@ impl Report {
                 poles: PoleAnalysis::new(study, table)?,
                 design: analysis?,
                 // The charts have the spectra.
-                floor: FloorAnalysis::new(study, floor.name(), open, under).without_spectra(),
+                floor: FloorAnalysis::new(study, name, open, under).without_spectra(),
                 simulation,
                 phases: history.phases,
                 table_format: shared::table::FORMAT_VERSION,

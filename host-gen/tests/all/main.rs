@@ -14,6 +14,7 @@ mod modal_law;
 mod odd_machines;
 mod other_machines;
 mod outline;
+mod records;
 mod report;
 mod robustness;
 mod sampled_loop;

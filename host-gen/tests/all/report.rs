@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use crate::common::{edited, looped_frame, model_path, parse, search, set, study};
 use host_gen::design::{Cache, Search, Study};
-use host_gen::floor::Criterion;
+use host_gen::floor::{Criterion, Floor};
 use host_gen::machine::Machine;
 use host_gen::report::chart::{Chart, Scale, Series, Style};
 use host_gen::report::page::page;
@@ -19,7 +19,12 @@ use serde_json::Value;
 /// Under the direct law, whose search is short.
 fn report(edits: &[(&str, &str)]) -> Report {
     let machine = parse(&edited(edits)).unwrap();
-    Report::new(&machine, Some(Criterion::VcC), &search()).unwrap()
+    Report::new(
+        &machine,
+        Some(&Floor::Criterion(Criterion::VcC).into()),
+        &search(),
+    )
+    .unwrap()
 }
 
 fn value(review: &Review) -> Value {
@@ -389,7 +394,12 @@ fn warnings_and_what_is_missing() {
     }
 
     let machine = parse(&edited(&[("control.feedback", "\"force\"")]));
-    let report = Report::new(&machine.unwrap(), Some(Criterion::VcC), &search()).unwrap();
+    let report = Report::new(
+        &machine.unwrap(),
+        Some(&Floor::Criterion(Criterion::VcC).into()),
+        &search(),
+    )
+    .unwrap();
     let json = value(&Review::new(vec![report]).unwrap());
     let reason = json["machines"][0]["missing"].as_str().unwrap();
     assert!(
@@ -411,12 +421,22 @@ fn other_kinds_are_designed_by_feedback_only() {
     let searches = || std::fs::read_dir(folder.path()).unwrap().count();
     let machine = parse(&edited(&[])).unwrap();
     let alone = || {
-        let report = Report::new(&machine, Some(Criterion::VcC), &search).unwrap();
+        let report = Report::new(
+            &machine,
+            Some(&Floor::Criterion(Criterion::VcC).into()),
+            &search,
+        )
+        .unwrap();
         Review::new(vec![report]).unwrap().json()
     };
     let first = alone();
     assert_eq!(searches(), 1);
-    let each = Report::by_feedback(&machine, Some(Criterion::VcC), &search).unwrap();
+    let each = Report::by_feedback(
+        &machine,
+        Some(&Floor::Criterion(Criterion::VcC).into()),
+        &search,
+    )
+    .unwrap();
     assert_eq!(searches(), 2);
     assert_eq!(alone(), first);
 

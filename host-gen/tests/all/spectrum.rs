@@ -32,7 +32,7 @@ fn criteria_are_the_published_ones() {
     let below = velocity(Criterion::NistA, 19.999);
     assert!((below - 3.1).abs() < 0.05, "{below}");
     // v/√(0.2316·f) as an amplitude density, times ω for the acceleration.
-    let density = Floor::Criterion(Criterion::VcC).density(10.0);
+    let density = Floor::Criterion(Criterion::VcC).densities(10.0)[0];
     let expected = TAU * 10.0 * 12.5e-6 / (0.2316f64 * 10.0).sqrt();
     assert!((density / expected - 1.0).abs() < 1e-3);
 }
@@ -53,11 +53,11 @@ fn a_table_is_straight_on_logarithmic_axes() {
         (100.25, 0.5e-2),
         (101.0, 1e-2),
     ] {
-        assert!((floor.density(hz) / expected - 1.0).abs() < 1e-12);
+        assert!((floor.densities(hz)[0] / expected - 1.0).abs() < 1e-12);
     }
-    assert_eq!(floor.density(0.9), 0.0);
-    assert_eq!(floor.density(101.1), 0.0);
-    assert_eq!(Floor::White(3.0).density(7.0), 3.0);
+    assert_eq!(floor.densities(0.9)[0], 0.0);
+    assert_eq!(floor.densities(101.1)[0], 0.0);
+    assert_eq!(Floor::White(3.0).densities(7.0)[0], 3.0);
 }
 
 /// What spreadsheets and analysers write is read; what is no spectrum is refused with its line,
@@ -116,7 +116,7 @@ fn follows(study: &Study, hz: f64, row: usize) -> f64 {
 /// has many points.
 fn simpson(study: &Study, floor: &Floor, row: usize, [low, high]: [f64; 2], count: usize) -> f64 {
     let step = (high - low) / count as f64;
-    let power = |hz: f64| follows(study, hz, row) * floor.density(hz).powi(2);
+    let power = |hz: f64| follows(study, hz, row) * floor.densities(hz)[0].powi(2);
     let at = |i: usize| power(low + step * i as f64);
     let sum = |first| (first..count).step_by(2).map(at).sum::<f64>();
     (at(0) + at(count) + 4.0 * sum(1) + 2.0 * sum(2)) * step / 3.0
@@ -180,7 +180,7 @@ fn closed_loops_are_integrated() {
         };
         let gain = closed.close(hz, plant.performance()) * base;
         for (fine, row) in fine.iter_mut().zip(gain.row_iter()) {
-            *fine += weight * step / 3.0 * row.norm_squared() * floor.density(hz).powi(2);
+            *fine += weight * step / 3.0 * row.norm_squared() * floor.densities(hz)[0].powi(2);
         }
     }
     for (spectrum, fine) in budget.performance.iter().zip(fine) {
@@ -372,7 +372,7 @@ fn spectra_in_the_file_are_checked() {
     assert_eq!(points, table("1 1e-6\n100 2e-6"));
     let white = parse(&edited(&[])).unwrap();
     // The file's floor has 1e-3 m/s² between 1 and 200 Hz.
-    let density = white.floor_motion().density(10.0);
+    let density = white.floor_motion().densities(10.0)[0];
     assert!((density * 199f64.sqrt() / white.simulation.floor_rms - 1.0).abs() < 1e-12);
     for (wrong, words) in [
         (

@@ -412,7 +412,8 @@ impl Synthesis<'_> {
                 breaks.dedup();
                 for (hz, weight) in nodes(&breaks, &singular, |hz| floor.exponent(hz)) {
                     let response = sampled.response(hz);
-                    let base = base * Complex::from(floor.density(hz));
+                    let base =
+                        base * ComplexMatrix6::from_diagonal(&floor.motions(hz).map(Complex::from));
                     let rows = plant.performance();
                     let mut sources = vec![shaken(&response, rows.clone(), &base)];
                     sources.extend(noises(&response, rows.clone()));

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Parser;
 use host_gen::design::{Cache, Search, Study};
-use host_gen::floor::Criterion;
+use host_gen::floor::{Criterion, Floor};
 use host_gen::machine::Machine;
 use host_gen::report::chart::Chart;
 use host_gen::report::page::page;
@@ -64,7 +64,13 @@ fn run(cli: &Cli) -> Result<()> {
         cache: cache.as_ref(),
         ..Search::FULL
     };
-    let report = |machine| Report::new(machine, Some(Criterion::VcC), &search);
+    let report = |machine| {
+        Report::new(
+            machine,
+            Some(&Floor::Criterion(Criterion::VcC).into()),
+            &search,
+        )
+    };
     let review = Review::new(vec![report(&machine)?])?;
     let seen = Seen::open(&browser, &write(folder.path(), "one.html", &review)?)?;
     seen.charts(&charts(&review))?;

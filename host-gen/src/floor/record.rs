@@ -1,0 +1,361 @@
+//! Recorded floors: motion along x, y and z over time, and its spectra by Welch's method.
+
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+use rustfft::FftPlanner;
+
+use super::spectrum::{Spectrum, SpectrumError};
+use super::{AXES, Floor};
+use crate::files::without_byte_order_mark;
+
+/// Motion of the floor along x, y and z, evenly sampled.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// Samples per second, Hz.
+    rate: f64,
+    /// What is recorded: the acceleration, or its first or second integral over time.
+    integrals: i32,
+    /// Samples along x, y and z, m/s², m/s or m.
+    axes: [Vec<f64>; AXES],
+}
+
+/// Spectra of a record, and how they were found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Welch {
+    /// The floor with these spectra.
+    pub floor: Floor,
+    /// Number of windows: Hann's, each half over the next, without their means.
+    pub windows: usize,
+    /// Length of a window, s.
+    pub window: f64,
+}
+
+/// Windows in a record.
+const WINDOWS: usize = 16;
+
+/// A longer window would resolve more than any machine has, s.
+const LONGEST: f64 = 100.0;
+
+/// Fewest samples of a record.
+const FEWEST: usize = 512;
+
+/// Largest difference between two steps of time, as a part of a step.
+const JITTER: f64 = 0.05;
+
+/// Names of units, their size, and how often the acceleration was integrated.
+const UNITS: [(&str, f64, i32); 15] = [
+    ("m/s²", 1.0, 0),
+    ("m/s^2", 1.0, 0),
+    ("m/s2", 1.0, 0),
+    ("g", 9.80665, 0),
+    ("mg", 9.80665e-3, 0),
+    ("µg", 9.80665e-6, 0),
+    ("ug", 9.80665e-6, 0),
+    ("m/s", 1.0, 1),
+    ("mm/s", 1e-3, 1),
+    ("µm/s", 1e-6, 1),
+    ("um/s", 1e-6, 1),
+    ("nm/s", 1e-9, 1),
+    ("µm", 1e-6, 2),
+    ("um", 1e-6, 2),
+    ("nm", 1e-9, 2),
+];
+
+/// What a column holds.
+enum Column {
+    /// Time, with the size of its unit, s.
+    Time(f64),
+    /// An axis, 0 to 2, with the size of its unit and its integrals.
+    Axis(usize, f64, i32),
+    /// Something else.
+    Other,
+}
+
+fn whole(message: impl Into<String>) -> SpectrumError {
+    SpectrumError {
+        line: None,
+        message: message.into(),
+    }
+}
+
+/// The name of a column and its unit, which stands in brackets.
+fn name_and_unit(head: &str) -> (String, Option<&str>) {
+    let head = head.trim();
+    let close = head.find(['[', '(']).zip(head.rfind([']', ')']));
+    match close {
+        Some((open, close)) if open < close => (
+            head[..open].trim().to_lowercase(),
+            Some(head[open + 1..close].trim()),
+        ),
+        _ => (head.to_lowercase(), None),
+    }
+}
+
+impl Column {
+    fn new(head: &str) -> Result<Self, String> {
+        let (name, unit) = name_and_unit(head);
+        if let "t" | "time" = name.as_str() {
+            return match unit {
+                None | Some("s") => Ok(Self::Time(1.0)),
+                Some("ms") => Ok(Self::Time(1e-3)),
+                Some("µs" | "us") => Ok(Self::Time(1e-6)),
+                Some(unit) => Err(format!(
+                    "\"{unit}\" is no unit of time here; use s, ms or µs"
+                )),
+            };
+        }
+        let axis = match name.as_str() {
+            "x" | "ax" | "a_x" | "acc_x" | "vx" | "v_x" => 0,
+            "y" | "ay" | "a_y" | "acc_y" | "vy" | "v_y" => 1,
+            "z" | "az" | "a_z" | "acc_z" | "vz" | "v_z" => 2,
+            _ => return Ok(Self::Other),
+        };
+        let Some(unit) = unit else {
+            if name.starts_with('v') {
+                return Ok(Self::Axis(axis, 1.0, 1));
+            }
+            return Ok(Self::Axis(axis, 1.0, 0));
+        };
+        let found = UNITS.iter().find(|(name, ..)| *name == unit);
+        let Some(&(_, size, integrals)) = found else {
+            let names = UNITS.map(|(name, ..)| name).join(", ");
+            return Err(format!(
+                "\"{unit}\" is no unit of a floor's motion here; use one of {names}"
+            ));
+        };
+        Ok(Self::Axis(axis, size, integrals))
+    }
+}
+
+/// What separates the columns: the first of these that a line has.
+fn separator(line: &str) -> u8 {
+    let found = [';', '\t', ','].into_iter().find(|c| line.contains(*c));
+    found.map_or(b' ', |c| c as u8)
+}
+
+impl Record {
+    /// Reads comma-separated values, or such with semicolons, tabs or spaces: a line for each
+    /// sample. `#` starts a comment line.
+    ///
+    /// The first line names the columns, in any order: `time` or `t`, and `x`, `y`, `z`, with units
+    /// in brackets, such as `time [s], x [mg], y [mg], z [mg]`; without units they are s and m/s².
+    /// Without names, one column is one axis, three are x, y and z, and one more before them is
+    /// the time. If there is only one axis, all three are like it. Other columns are left out.
+    /// `rate`, Hz, is that of a record without time.
+    ///
+    /// # Errors
+    /// If there is neither a time nor a rate, or both; an axis, a unit or a number is wrong; the
+    /// samples are not evenly spaced; or there are fewer than 512.
+    pub fn read(text: &str, rate: Option<f64>) -> Result<Self, SpectrumError> {
+        let text = without_byte_order_mark(text);
+        let data = |line: &&str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
+        let first = text.lines().find(data);
+        let first = first.ok_or_else(|| whole("the record is empty"))?;
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .delimiter(separator(first.trim()))
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .flexible(true)
+            .from_reader(text.as_bytes());
+        let mut columns: Vec<Column> = Vec::new();
+        let mut time = Vec::new();
+        let mut axes: [Vec<f64>; AXES] = Default::default();
+        let mut lines = Vec::new();
+        for (row, record) in reader.records().enumerate() {
+            let record = record.map_err(|error| whole(error.to_string()))?;
+            let line = record.position().map_or(row + 1, |at| at.line() as usize);
+            let at_line = |message: String| SpectrumError {
+                line: Some(line),
+                message,
+            };
+            let fields: Vec<&str> = record.iter().filter(|field| !field.is_empty()).collect();
+            if fields.is_empty() {
+                continue;
+            }
+            if columns.is_empty() {
+                let named = fields.iter().any(|field| field.parse::<f64>().is_err());
+                columns = if named {
+                    let all = fields.iter().map(|head| Column::new(head));
+                    all.collect::<Result<_, _>>().map_err(at_line)?
+                } else {
+                    unnamed(fields.len()).map_err(at_line)?
+                };
+                if named {
+                    continue;
+                }
+            }
+            if fields.len() != columns.len() {
+                return Err(at_line(format!(
+                    "{} values, but there are {} columns; decimals have a point",
+                    fields.len(),
+                    columns.len()
+                )));
+            }
+            for (column, field) in columns.iter().zip(fields) {
+                let number = || match field.parse::<f64>() {
+                    Ok(x) if x.is_finite() => Ok(x),
+                    _ => Err(at_line(format!(
+                        "\"{field}\" is not a number; decimals have a point"
+                    ))),
+                };
+                match column {
+                    Column::Time(unit) => time.push(unit * number()?),
+                    Column::Axis(axis, size, _) => axes[*axis].push(size * number()?),
+                    Column::Other => {}
+                }
+            }
+            lines.push(line);
+        }
+        let integrals = integrals(&columns)?;
+        alike(&mut axes)?;
+        let count = axes[0].len();
+        if count < FEWEST {
+            return Err(whole(format!(
+                "{count} samples are no record of a floor: give at least {FEWEST}"
+            )));
+        }
+        let rate = match (rate, time.is_empty()) {
+            (Some(rate), true) => rate,
+            (None, false) => evenly(&time, &lines)?,
+            (Some(_), false) => {
+                return Err(whole(
+                    "the record has a column of time, which says its rate; leave --rate out",
+                ));
+            }
+            (None, true) => {
+                return Err(whole(
+                    "the record has no column of time; give --rate, in Hz, or a column \"time [s]\"",
+                ));
+            }
+        };
+        Ok(Self {
+            rate,
+            integrals,
+            axes,
+        })
+    }
+
+    /// Its spectra by Welch's method.
+    ///
+    /// # Errors
+    /// If a spectrum is higher than one may be.
+    pub fn welch(&self) -> Result<Welch, SpectrumError> {
+        let count = self.axes[0].len();
+        // n windows, each half over the next, are n + 1 halves.
+        let half = (count / (WINDOWS + 1)).min((0.5 * LONGEST * self.rate) as usize);
+        let length = 2 * half;
+        let windows = count / half - 1;
+        let shape: Vec<f64> = (0..length)
+            .map(|i| (0.5 * TAU * i as f64 / length as f64).sin().powi(2))
+            .collect();
+        let energy: f64 = shape.iter().map(|w| w * w).sum();
+        let fft = FftPlanner::new().plan_fft_forward(length);
+        let of_axis = |samples: &Vec<f64>| {
+            let mut power = vec![0.0; half];
+            for begin in (0..windows).map(|n| n * half) {
+                let part = &samples[begin..begin + length];
+                let mean = part.iter().sum::<f64>() / length as f64;
+                let mut at: Vec<_> = part
+                    .iter()
+                    .zip(&shape)
+                    .map(|(x, w)| Complex::from((x - mean) * w))
+                    .collect();
+                fft.process(&mut at);
+                for (sum, z) in power.iter_mut().zip(&at) {
+                    *sum += z.norm_sqr();
+                }
+            }
+            let scale = 2.0 / (self.rate * energy * windows as f64);
+            // Without the mean, which a window spreads over the next line.
+            let points = (2..half).map(|k| {
+                let hz = k as f64 * self.rate / length as f64;
+                let derived = (TAU * hz).powi(self.integrals);
+                [hz, (power[k] * scale).sqrt() * derived]
+            });
+            Spectrum::new(&points.collect::<Vec<_>>())
+        };
+        let [x, y, z] = self.axes.each_ref().map(of_axis);
+        Ok(Welch {
+            floor: Floor::Axes(Box::new([x?, y?, z?])),
+            windows,
+            window: length as f64 / self.rate,
+        })
+    }
+}
+
+/// The columns of a record that does not name them.
+fn unnamed(count: usize) -> Result<Vec<Column>, String> {
+    let axis = |axis| Column::Axis(axis, 1.0, 0);
+    let axes = match count {
+        1 | 2 => vec![axis(0)],
+        3 | 4 => (0..AXES).map(axis).collect(),
+        _ => {
+            return Err(format!(
+                "{count} columns without names; write a first line, such as \"time [s], x [m/s²], y [m/s²], z [m/s²]\""
+            ));
+        }
+    };
+    let time = (count % 2 == 0).then_some(Column::Time(1.0));
+    Ok(time.into_iter().chain(axes).collect())
+}
+
+/// How often the acceleration of all axes was integrated.
+fn integrals(columns: &[Column]) -> Result<i32, SpectrumError> {
+    let mut all = columns.iter().filter_map(|column| match column {
+        Column::Axis(_, _, integrals) => Some(*integrals),
+        _ => None,
+    });
+    let Some(first) = all.next() else {
+        return Err(whole(
+            "no column is called x, y or z; name them in the first line, such as \"time [s], x [m/s²], y [m/s²], z [m/s²]\"",
+        ));
+    };
+    if all.any(|other| other != first) {
+        return Err(whole(
+            "some axes are accelerations and others velocities or displacements; give one kind",
+        ));
+    }
+    Ok(first)
+}
+
+/// Copies the only axis to the others, if there is only one.
+fn alike(axes: &mut [Vec<f64>; AXES]) -> Result<(), SpectrumError> {
+    let given: Vec<usize> = (0..AXES).filter(|i| !axes[*i].is_empty()).collect();
+    match given[..] {
+        [only] => {
+            let samples = axes[only].clone();
+            axes.fill(samples);
+            Ok(())
+        }
+        [_, _] => Err(whole(
+            "there are two axes; give x, y and z, or one axis for all",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The rate of evenly spaced times, s, at these lines; Hz.
+fn evenly(time: &[f64], lines: &[usize]) -> Result<f64, SpectrumError> {
+    let steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sorted = steps.clone();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted[sorted.len() / 2];
+    let uneven = |step: &f64| *step <= 0.0 || (step - usual).abs() > JITTER * usual;
+    let Some(i) = steps.iter().position(uneven) else {
+        // What is rounded in single times is not in the whole.
+        return Ok(steps.len() as f64 / steps.iter().sum::<f64>());
+    };
+    Err(SpectrumError {
+        line: Some(lines[i + 1]),
+        message: if steps[i] <= 0.0 {
+            "times must increase".to_owned()
+        } else {
+            format!(
+                "a step of {:e} s, but the others are {usual:e} s; a record has even steps, without gaps",
+                steps[i]
+            )
+        },
+    })
+}
