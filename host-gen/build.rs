@@ -8,8 +8,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// The rooms up to the search, and what they build on.
-const READ: [&str; 9] = [
+const READ: [&str; 10] = [
     "src/numeric",
+    "src/floor",
     "src/machine",
     "src/model",
     "src/plant",

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use host_gen::floor::{Criterion, Floor, NamedFloor, Record, STRONGEST, SpectrumError};
+use host_gen::floor::{Criterion, Floor, NamedFloor, Record, STRONGEST, SpectrumError, Welch};
 
 use crate::arguments::{between, criterion, positive};
 use crate::failure::Failure;
@@ -13,27 +13,28 @@ use crate::failure::Failure;
 #[group(multiple = false)]
 pub struct FloorChoice {
     /// Floor at the limit of this vibration criterion.
-    #[arg(long, value_parser = criterion())]
+    #[arg(long, value_parser = criterion(), conflicts_with = "record")]
     criterion: Option<Criterion>,
     /// White acceleration along each of x, y and z, m/s²/√Hz.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "record")]
     white: Option<f64>,
     /// Text file with a floor spectrum, that of the acceleration along each of x, y and z. Each
     /// line has a frequency, Hz, ascending, and an acceleration density, m/s²/√Hz; # starts a
     /// comment.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "record")]
     spectrum: Option<PathBuf>,
     #[command(flatten)]
     recorded: Recorded,
 }
 
+/// A recorded floor.
 #[derive(Args)]
 #[group(multiple = true)]
-struct Recorded {
+pub struct Recorded {
     /// Recorded motion of the floor, as comma-separated values. The first line names the columns,
     /// with units in brackets: `time [s], x [m/s²], y [m/s²], z [m/s²]`; g, mg, m/s, mm/s, µm/s, nm
     /// and others are known, too. Its spectra are those of Welch's method.
-    #[arg(long, conflicts_with_all = ["criterion", "white", "spectrum"])]
+    #[arg(long)]
     record: Option<PathBuf>,
     /// Samples per second of a record without a column of time, Hz.
     #[arg(long, requires = "record")]
@@ -43,6 +44,13 @@ struct Recorded {
 impl FloorChoice {
     /// The floor that was asked for; none if none was.
     pub fn floor(&self) -> Result<Option<NamedFloor>, Failure> {
+        // Beside another floor, clap does not ask for the record.
+        if self.recorded.rate.is_some() && self.recorded.record.is_none() {
+            return Err(Failure::Setting {
+                option: "--rate",
+                must: "go with --record".to_owned(),
+            });
+        }
         if let Some(criterion) = self.criterion {
             return Ok(Some(Floor::Criterion(criterion).into()));
         }
@@ -56,22 +64,37 @@ impl FloorChoice {
                 name: path.display().to_string(),
             }));
         }
-        let Some(path) = &self.recorded.record else {
+        let of_record = |record: &Record| {
+            let found = record.welch()?;
+            let Welch {
+                floor,
+                windows,
+                window,
+            } = found;
+            Ok((floor, format!("{windows} windows of {window:.3} s")))
+        };
+        let found = self.recorded.read(of_record)?;
+        Ok(found.map(|((floor, how), name)| NamedFloor {
+            floor,
+            name: format!("{name} ({how})"),
+        }))
+    }
+}
+
+impl Recorded {
+    /// What `make` makes of the record that was given, and its name; none if none was.
+    pub fn read<T>(
+        &self,
+        make: impl FnOnce(&Record) -> Result<T, SpectrumError>,
+    ) -> Result<Option<(T, String)>, Failure> {
+        let Some(path) = &self.record else {
             return Ok(None);
         };
-        let rate = self.recorded.rate;
-        if let Some(rate) = rate {
+        if let Some(rate) = self.rate {
             positive("rate", rate, "board.sample_rate")?;
         }
-        let found = parsed(path, |text| Record::read(text, rate)?.welch())?;
-        let name = format!(
-            "{} ({} windows of {:.3} s)",
-            path.display(),
-            found.windows,
-            found.window
-        );
-        let floor = found.floor;
-        Ok(Some(NamedFloor { floor, name }))
+        let made = parsed(path, |text| make(&Record::read(text, self.rate)?))?;
+        Ok(Some((made, path.display().to_string())))
     }
 }
 

@@ -3,12 +3,14 @@
 use clap::Args;
 use host_gen::analysis::warnings::warnings;
 use host_gen::design::{Design, Study};
+use host_gen::floor::Record;
 use host_gen::machine::Simulation;
 use host_gen::report::summary::SimulateSummary;
 use host_gen::simulate::run::{Comparison, compare, reports};
 
 use crate::arguments::{Common, positive};
 use crate::failure::Failure;
+use crate::floor::Recorded;
 use crate::print;
 use crate::search::{Bar, Searcher, study};
 
@@ -23,8 +25,10 @@ pub struct SimulateArguments {
     #[arg(long)]
     seed: Option<u64>,
     /// Floor acceleration, rms along each of x, y and z, m/s² [default: from the file].
-    #[arg(long)]
+    #[arg(long, conflicts_with = "record")]
     floor_rms: Option<f64>,
+    #[command(flatten)]
+    recorded: Recorded,
 }
 
 pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<(), Failure> {
@@ -41,8 +45,9 @@ pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<()
     if let Some(seed) = arguments.seed {
         settings.seed = seed;
     }
+    let record = arguments.recorded.read(|record| Ok(record.clone()))?;
     let design = searcher.design(model, &study)?;
-    let simulation = simulation(&study, &settings, &design);
+    let simulation = simulation(&study, &settings, &design, record);
     print::warned(
         arguments.common.format,
         &SimulateSummary::new(&study, design, simulation),
@@ -50,8 +55,14 @@ pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<()
     )
 }
 
-/// Simulates the open and the closed loop on the same floor.
-pub fn simulation(study: &Study, settings: &Simulation, design: &Design) -> Comparison {
+/// Simulates the open and the closed loop on the same floor: that of `settings`, or a record with
+/// its name.
+pub fn simulation(
+    study: &Study,
+    settings: &Simulation,
+    design: &Design,
+    record: Option<(Record, String)>,
+) -> Comparison {
     let machine = study.machine();
     compare(
         study.plant(),
@@ -59,6 +70,7 @@ pub fn simulation(study: &Study, settings: &Simulation, design: &Design) -> Comp
         settings,
         &design.table,
         machine.performance_names(),
+        record.as_ref().map(|(record, name)| (record, name.clone())),
         &Bar::of(reports(settings, &machine.board)),
     )
 }

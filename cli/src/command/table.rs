@@ -31,7 +31,7 @@ pub fn generate(arguments: &TableArguments, searcher: &Searcher) -> Result<(), F
     let study = study(model)?;
     let path = table_path(arguments, study.machine())?;
     let design = searcher.design(model, &study)?;
-    let simulation = simulation(&study, &study.machine().simulation, &design);
+    let simulation = simulation(&study, &study.machine().simulation, &design, None);
     write_whole(&path, emit(study.machine(), &design.table).as_bytes())?;
     let report = GenerateSummary::new(&study, design, path.display().to_string(), simulation);
     print::result(arguments.common.format, &report.map_err(in_loop(model))?)

@@ -43,6 +43,9 @@ const FEWEST: usize = 512;
 /// Largest difference between two steps of time, as a part of a step.
 const JITTER: f64 = 0.05;
 
+/// Part of a record's duration in which it fades in or out.
+const FADE: f64 = 0.02;
+
 /// Names of units, their size, and how often the acceleration was integrated.
 const UNITS: [(&str, f64, i32); 15] = [
     ("m/s²", 1.0, 0),
@@ -237,6 +240,47 @@ impl Record {
         })
     }
 
+    /// Its duration, s.
+    pub fn duration(&self) -> f64 {
+        self.axes[0].len() as f64 / self.rate
+    }
+
+    /// Its accelerations along x, y and z, m/s², sampled at about `rate`, Hz: so that they repeat
+    /// after a whole number of samples. One list for each axis.
+    ///
+    /// Interpolated by its Fourier series, without the mean. Its ends fade out within
+    /// 2 % of the duration each, so that it can be repeated.
+    pub(crate) fn accelerations(&self, rate: f64) -> [Vec<f64>; AXES] {
+        let count = self.axes[0].len();
+        let wanted = (count as f64 * rate / self.rate).round().max(1.0) as usize;
+        let fade = FADE * count as f64;
+        let mut planner = FftPlanner::new();
+        let (forward, back) = (
+            planner.plan_fft_forward(count),
+            planner.plan_fft_inverse(wanted),
+        );
+        self.axes.each_ref().map(|samples| {
+            let mean = samples.iter().sum::<f64>() / count as f64;
+            let faded = samples.iter().enumerate().map(|(i, x)| {
+                let end = (i as f64).min((count - 1 - i) as f64);
+                let part = (0.25 * TAU * (end / fade).min(1.0)).sin().powi(2);
+                Complex::from((x - mean) * part)
+            });
+            let mut of_line: Vec<_> = faded.collect();
+            forward.process(&mut of_line);
+            let mut at = vec![Complex::ZERO; wanted];
+            // Up to half of either rate; a line at half a rate is left out.
+            for k in 1..count.min(wanted).div_ceil(2) {
+                let hz = k as f64 * self.rate / count as f64;
+                let derived = Complex::new(0.0, TAU * hz).powi(self.integrals);
+                at[k] = of_line[k] * derived;
+                at[wanted - k] = at[k].conj();
+            }
+            back.process(&mut at);
+            at.iter().map(|z| z.re / count as f64).collect()
+        })
+    }
+
     /// Its spectra by Welch's method.
     ///
     /// # Errors
@@ -358,4 +402,39 @@ fn evenly(time: &[f64], lines: &[usize]) -> Result<f64, SpectrumError> {
             )
         },
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sines of 7 Hz at another rate, with units and integrals: away from the ends, those of the
+    /// closed form.
+    #[test]
+    fn a_sine_is_sampled_again() {
+        let omega = TAU * 7.0;
+        for (unit, size, order) in [("m/s²", 1.0, 0), ("mm/s", 1e-3, 1), ("µm", 1e-6, 2)] {
+            let mut text = format!("x [{unit}],y [{unit}],z [{unit}]\n");
+            for i in 0..4000 {
+                let sine = (omega * f64::from(i) / 200.0).sin();
+                text += &format!("{sine},{},1\n", -2.0 * sine);
+            }
+            let record = Record::read(&text, Some(200.0)).unwrap();
+            let [x, y, z] = record.accelerations(1e4);
+            assert_eq!(x.len(), 200_000);
+            for i in 20_000..180_000 {
+                let t = i as f64 / 1e4;
+                // d/dt turns a sine by a quarter.
+                let turned = omega * t + 0.25 * TAU * f64::from(order);
+                let expected = size * omega.powi(order) * turned.sin();
+                let least = 1e-3 * size * omega.powi(order);
+                assert!((x[i] - expected).abs() < least, "{unit} at {t} s");
+                assert!(
+                    (y[i] + 2.0 * expected).abs() < 2.0 * least,
+                    "{unit} at {t} s"
+                );
+                assert!(z[i].abs() < 1e-9);
+            }
+        }
+    }
 }

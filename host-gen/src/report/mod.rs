@@ -174,7 +174,7 @@ impl Report {
                     let settings = &machine.simulation;
                     rayon::join(
                         || history(study, table),
-                        || compare(study.plant(), board, settings, table, outputs, &()),
+                        || compare(study.plant(), board, settings, table, outputs, None, &()),
                     )
                 },
                 || DesignAnalysis::new(study, design.clone()),

@@ -2,6 +2,7 @@
 //! sessions, a board in software, and faults in it.
 
 mod band_noise;
+mod base_motion;
 mod blocks;
 pub mod faults;
 pub mod rig;

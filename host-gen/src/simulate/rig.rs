@@ -10,8 +10,9 @@ use rand_distr::{Distribution, StandardNormal};
 use shared::LEGS;
 use shared::codes::{AdcCode, DacCode, Samples};
 
-use super::band_noise::BandNoise;
+use super::base_motion::BaseMotion;
 use super::blocks::{BLOCK, Blocks};
+use crate::floor::Record;
 use crate::machine::{Board, Sensor, Simulation};
 use crate::plant::SampledPlant;
 use crate::plant::sampled::{ByInput, SampledStateSpace};
@@ -35,7 +36,7 @@ pub struct Rig {
     count: usize,
     /// Forces latched or on their way, the latest first.
     forces: VecDeque<[f64; LEGS]>,
-    floor_noise: BandNoise,
+    base_motion: BaseMotion,
     /// Each kind of sensors with the rms of sensor and ADC together, V.
     kinds: Vec<(Sensor, f64)>,
     sensor_noise: ChaCha8Rng,
@@ -97,7 +98,7 @@ impl Rig {
             change: Blocks::new(&in_period(&change)),
             within,
             forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
-            floor_noise: BandNoise::new(settings, plant.period, stream(0)),
+            base_motion: BaseMotion::noise(settings, plant.period, stream(0)),
             kinds: board.fed_back().map(kind).collect(),
             sensor_noise: stream(1),
             output_noise: stream(2),
@@ -109,6 +110,12 @@ impl Rig {
         }
     }
 
+    /// The same machine on a floor that moves as in `record`, again and again.
+    pub fn on(mut self, record: &Record) -> Self {
+        self.base_motion = BaseMotion::recorded(record, self.plant.period);
+        self
+    }
+
     /// The simulated plant.
     pub fn plant(&self) -> &SampledPlant {
         &self.plant
@@ -116,7 +123,7 @@ impl Rig {
 
     /// Advances the floor to the next sampling instant and returns the ADC codes.
     pub fn sample(&mut self) -> Samples {
-        let motion = Vector6::from(self.floor_noise.sample());
+        let motion = Vector6::from(self.base_motion.sample());
         let next = self.plant.plant.base * motion * self.floor_gain;
         self.floor = [self.floor[1], next.into()];
         let seen = self.forces[self.plant.whole_periods];

@@ -5,6 +5,7 @@ use shared::step::{Demand, State, step};
 use shared::table::ValidTable;
 
 use super::rig::Rig;
+use crate::floor::Record;
 use crate::machine::{Board, Simulation};
 use crate::plant::SampledPlant;
 use crate::progress::Progress;
@@ -35,7 +36,8 @@ pub fn run(
     table: &ValidTable,
     closed: bool,
 ) -> Run {
-    watched(plant, board, settings, table, closed, &())
+    let rig = Rig::new(plant.clone(), board, settings);
+    watched(rig, board, settings, table, closed, &())
 }
 
 /// A long simulation reports after so many steps that it advances.
@@ -48,15 +50,14 @@ pub fn reports(settings: &Simulation, board: &Board) -> usize {
 }
 
 fn watched(
-    plant: &SampledPlant,
+    mut rig: Rig,
     board: &Board,
     settings: &Simulation,
     table: &ValidTable,
     closed: bool,
     progress: &dyn Progress,
 ) -> Run {
-    let mut rig = Rig::new(plant.clone(), board, settings);
-    let count = plant.plant.performance().len();
+    let count = rig.plant().plant.performance().len();
     let mut run = Run {
         rms: vec![0.0; count],
         peak: vec![0.0; count],
@@ -113,6 +114,8 @@ pub struct Comparison {
     pub outputs: Vec<String>,
     /// Evaluated time, s.
     pub duration_s: f64,
+    /// The floor's name, if it was recorded: then it has neither the rms nor the band below.
+    pub record: Option<String>,
     /// Rms acceleration of the base along each of x, y and z, m/s².
     pub floor_rms: f64,
     /// Lower and upper end of the floor's band, Hz.
@@ -125,21 +128,30 @@ pub struct Comparison {
     pub closed: Run,
 }
 
-/// Simulates the open and the closed loop on the same floor. `outputs` are the names of
-/// the performance outputs; `progress` is told as often as [`reports`] says.
+/// Simulates the open and the closed loop on the same floor: that of `settings`, or a `record`
+/// with its name. `outputs` are the names of the performance outputs; `progress` is told as often as [`reports`] says.
 pub fn compare(
     plant: &SampledPlant,
     board: &Board,
     settings: &Simulation,
     table: &ValidTable,
     outputs: Vec<String>,
+    record: Option<(&Record, String)>,
     progress: &dyn Progress,
 ) -> Comparison {
-    let one = |closed| watched(plant, board, settings, table, closed, progress);
+    let one = |closed| {
+        let rig = Rig::new(plant.clone(), board, settings);
+        let rig = match &record {
+            Some((record, _)) => rig.on(record),
+            None => rig,
+        };
+        watched(rig, board, settings, table, closed, progress)
+    };
     let (open, closed) = rayon::join(|| one(false), || one(true));
     Comparison {
         outputs,
         duration_s: settings.duration,
+        record: record.map(|(_, name)| name),
         floor_rms: settings.floor_rms,
         floor_band_hz: settings.floor_band,
         seed: settings.seed,

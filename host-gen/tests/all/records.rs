@@ -2,7 +2,10 @@
 
 use core::f64::consts::TAU;
 
+use crate::common::{edited, looped};
+use host_gen::closed_loop::budget::budget;
 use host_gen::floor::{Floor, Record, SpectrumError, Welch};
+use host_gen::simulate::run::compare;
 
 /// Noise between −1/2 and 1/2 that another program can make.
 fn noise(axis: usize, i: usize) -> f64 {
@@ -238,6 +241,49 @@ fn what_is_no_record_is_refused() {
         };
         assert!(error.message.contains(words), "{words}: {error}");
         assert_eq!(error.line, line, "{words}: {error}");
+    }
+}
+
+/// The simulation on a record against the budget on its spectra, axis by axis: a record along z alone
+/// moves what a spectrum along z alone does.
+#[test]
+fn a_record_drives_the_simulation() {
+    let (study, table, _) = looped(&edited(&[
+        ("damping.modal", "0.1"),
+        ("simulation.duration", "60.0"),
+        ("simulation.settling", "20.0"),
+    ]));
+    let machine = study.machine();
+    for axis in 0..3 {
+        let mut text = "x,y,z\n".to_owned();
+        for i in 0..60_000 {
+            let at = |own: usize| {
+                if own == axis {
+                    1e-2 * noise(axis, i)
+                } else {
+                    0.0
+                }
+            };
+            text += &format!("{},{},{}\n", at(0), at(1), at(2));
+        }
+        let record = Record::read(&text, Some(1000.0)).unwrap();
+        let floor = record.welch().unwrap().floor;
+        let names = machine.performance_names();
+        let given = Some((&record, "noise".to_owned()));
+        let (board, settings) = (&machine.board, &machine.simulation);
+        let run = compare(study.plant(), board, settings, table, names, given, &());
+        assert_eq!(run.record.as_deref(), Some("noise"));
+        let open = budget(study.plant(), board, None, &floor, [0.3, 490.0], None).unwrap();
+        let largest = run.open.rms.iter().copied().fold(0.0, f64::max);
+        assert!(largest > 1e-5, "{largest}");
+        for (rms, spectrum) in run.open.rms.iter().zip(&open.performance) {
+            let expected = open.power(spectrum).iter().sum::<f64>().sqrt();
+            // Both estimate the same from 60 s.
+            assert!(
+                (rms - expected).abs() < 0.1 * largest,
+                "along {axis}: {rms:e}, not {expected:e}"
+            );
+        }
     }
 }
 

@@ -210,6 +210,7 @@ fn history_ends_as_the_simulation_does() {
         &machine.simulation,
         table,
         names,
+        None,
         &(),
     );
     let together = |rms: &[f64]| rms.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -118,10 +118,18 @@ fn level(db: f64, otherwise: &str) -> String {
 }
 
 pub(super) fn write_simulation(f: &mut Formatter<'_>, s: &Comparison) -> fmt::Result {
+    let [low, high] = s.floor_band_hz;
+    let floor = match &s.record {
+        Some(name) => name.clone(),
+        None => format!(
+            "of {:.1e} m/s² rms along each axis, {low} to {high} Hz",
+            s.floor_rms
+        ),
+    };
     writeln!(
         f,
-        "{TITLE}Software in the loop: {} s on a floor of {:.1e} m/s² rms along each axis, {} to {} Hz, seed {}{TITLE:#}",
-        s.duration_s, s.floor_rms, s.floor_band_hz[0], s.floor_band_hz[1], s.seed
+        "{TITLE}Software in the loop: {} s on a floor {floor}, seed {}{TITLE:#}",
+        s.duration_s, s.seed
     )?;
     let head = cells([
         "m/s²",
