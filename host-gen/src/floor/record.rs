@@ -131,6 +131,19 @@ impl Column {
     }
 }
 
+/// Whether a line is more than a comment.
+fn has_data(line: &str) -> bool {
+    let line = line.trim();
+    !line.is_empty() && !line.starts_with('#')
+}
+
+/// The number, from 1, of the first line of `text` with data at or behind a byte.
+fn line_at(text: &str, byte: usize) -> usize {
+    let (before, behind) = text.split_at_checked(byte).unwrap_or((text, ""));
+    let lines = before.matches('\n').count() + 1;
+    lines + behind.lines().take_while(|line| !has_data(line)).count()
+}
+
 /// What separates the columns: the first of these that a line has.
 fn separator(line: &str) -> u8 {
     let found = [';', '\t', ','].into_iter().find(|c| line.contains(*c));
@@ -152,8 +165,7 @@ impl Record {
     /// samples are not evenly spaced; or there are fewer than 512.
     pub fn read(text: &str, rate: Option<f64>) -> Result<Self, SpectrumError> {
         let text = without_byte_order_mark(text);
-        let data = |line: &&str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
-        let first = text.lines().find(data);
+        let first = text.lines().find(|line| has_data(line));
         let first = first.ok_or_else(|| whole("the record is empty"))?;
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
@@ -165,12 +177,12 @@ impl Record {
         let mut columns: Vec<Column> = Vec::new();
         let mut time = Vec::new();
         let mut axes: [Vec<f64>; AXES] = Default::default();
-        let mut lines = Vec::new();
-        for (row, record) in reader.records().enumerate() {
+        let mut begins = Vec::new();
+        for record in reader.records() {
             let record = record.map_err(|error| whole(error.to_string()))?;
-            let line = record.position().map_or(row + 1, |at| at.line() as usize);
+            let begin = record.position().map_or(0, |at| at.byte() as usize);
             let at_line = |message: String| SpectrumError {
-                line: Some(line),
+                line: Some(line_at(text, begin)),
                 message,
             };
             let fields: Vec<&str> = record.iter().filter(|field| !field.is_empty()).collect();
@@ -209,7 +221,7 @@ impl Record {
                     Column::Other => {}
                 }
             }
-            lines.push(line);
+            begins.push(begin);
         }
         let integrals = integrals(&columns)?;
         alike(&mut axes)?;
@@ -221,7 +233,10 @@ impl Record {
         }
         let rate = match (rate, time.is_empty()) {
             (Some(rate), true) => rate,
-            (None, false) => evenly(&time, &lines)?,
+            (None, false) => evenly(&time).map_err(|(i, message)| SpectrumError {
+                line: Some(line_at(text, begins[i])),
+                message,
+            })?,
             (Some(_), false) => {
                 return Err(whole(
                     "the record has a column of time, which says its rate; leave --rate out",
@@ -380,8 +395,9 @@ fn alike(axes: &mut [Vec<f64>; AXES]) -> Result<(), SpectrumError> {
     }
 }
 
-/// The rate of evenly spaced times, s, at these lines; Hz.
-fn evenly(time: &[f64], lines: &[usize]) -> Result<f64, SpectrumError> {
+/// The rate of evenly spaced times, s; Hz. If they are not, the number of the first that is not, and
+/// why.
+fn evenly(time: &[f64]) -> Result<f64, (usize, String)> {
     let steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mut sorted = steps.clone();
     sorted.sort_by(f64::total_cmp);
@@ -391,17 +407,15 @@ fn evenly(time: &[f64], lines: &[usize]) -> Result<f64, SpectrumError> {
         // What is rounded in single times is not in the whole.
         return Ok(steps.len() as f64 / steps.iter().sum::<f64>());
     };
-    Err(SpectrumError {
-        line: Some(lines[i + 1]),
-        message: if steps[i] <= 0.0 {
-            "times must increase".to_owned()
-        } else {
-            format!(
-                "a step of {:e} s, but the others are {usual:e} s; a record has even steps, without gaps",
-                steps[i]
-            )
-        },
-    })
+    let message = if steps[i] <= 0.0 {
+        "times must increase".to_owned()
+    } else {
+        format!(
+            "a step of {:e} s, but the others are {usual:e} s; a record has even steps, without gaps",
+            steps[i]
+        )
+    };
+    Err((i + 1, message))
 }
 
 #[cfg(test)]
