@@ -17,9 +17,10 @@ use super::criterion::{Criterion, third_centres, third_edges};
 use crate::closed_loop::SampledLoop;
 use crate::control::LinearLaw;
 use crate::files::without_byte_order_mark;
-use crate::machine::Board;
+use crate::machine::{Board, Sensor};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::grid;
+use crate::numeric::power_law::{exponent, power_law};
 use crate::numeric::quadrature::{nodes, singular_hertz};
 use crate::numeric::six::ComplexMatrix6;
 use crate::plant::{Control, Gain, SampledPlant};
@@ -206,7 +207,7 @@ impl Spectrum {
             return 0.0;
         };
         if d0 > 0.0 && d1 > 0.0 {
-            d0 * ((d1.ln() - d0.ln()) * (hz.ln() - f0.ln()) / (f1.ln() - f0.ln())).exp()
+            power_law([(f0, d0), (f1, d1)], hz)
         } else {
             d0 + (d1 - d0) * (hz - f0) / (f1 - f0)
         }
@@ -216,7 +217,7 @@ impl Spectrum {
     fn exponent(&self, hz: f64) -> f64 {
         match self.around(hz) {
             Some([(f0, d0), (f1, d1)]) if d0 > 0.0 && d1 > 0.0 => {
-                2.0 * (d1.ln() - d0.ln()) / (f1.ln() - f0.ln())
+                2.0 * exponent([(f0, d0), (f1, d1)])
             }
             // A parabola takes more than one node.
             Some([(f0, _), (f1, _)]) => 3.0 * hz / (f1 - f0),
@@ -317,10 +318,11 @@ pub fn budget(
     })
 }
 
-/// The power densities of the board's noise, white up to half the sample rate.
+/// The power densities of the board's noise up to half the sample rate; those of the converters
+/// are white.
 struct Noise {
-    /// Of each sensor's own noise, (m/s²)²/Hz or N²/Hz.
-    sensors: DVector<f64>,
+    /// The kinds of sensors that are fed back.
+    kinds: Vec<Sensor>,
     /// Of the ADC referred to each sensor, (m/s²)²/Hz or N²/Hz.
     adc: DVector<f64>,
     /// Of the DAC, N²/Hz.
@@ -334,27 +336,47 @@ impl Noise {
         let nyquist = 0.5 * board.sample_rate;
         let rounding = |lsb: f64| lsb * lsb / 12.0;
         let adc = (board.adc_noise.powi(2) + rounding(board.adc.lsb())) / nyquist;
-        let (sensors, adc): (Vec<_>, Vec<_>) = board
+        let adc = board
             .fed_back()
-            .flat_map(|sensor| {
-                let powers = (
-                    sensor.noise_density.powi(2),
-                    adc / sensor.sensitivity.powi(2),
-                );
-                [powers; LEGS]
-            })
-            .unzip();
+            .flat_map(|sensor| [adc / sensor.sensitivity.powi(2); LEGS])
+            .collect();
         let rounded = if moving {
             rounding(board.dac.lsb())
         } else {
             0.0
         };
         Self {
-            sensors: DVector::from_vec(sensors),
+            kinds: board.fed_back().cloned().collect(),
             adc: DVector::from_vec(adc),
             dac: (board.dac_noise.powi(2) + rounded) / nyquist * board.actuator_gain.powi(2),
         }
     }
+}
+
+impl Noise {
+    /// The power density of each sensor's own noise at `hz`, Hz, in (m/s²)²/Hz or N²/Hz.
+    fn sensors(&self, hz: f64) -> DVector<f64> {
+        let of_kind = |sensor: &Sensor| [sensor.noise_density.at(hz).powi(2); LEGS];
+        DVector::from_vec(self.kinds.iter().flat_map(of_kind).collect())
+    }
+
+    /// The frequencies at which a density is not smooth, Hz.
+    fn breaks(&self) -> impl Iterator<Item = f64> {
+        let of_kind = |sensor: &'_ Sensor| sensor.noise_density.breaks().collect::<Vec<_>>();
+        self.kinds.iter().flat_map(of_kind)
+    }
+
+    /// d ln density²/d ln hz at `hz`, Hz, of the sensor where it is steepest.
+    fn exponent(&self, hz: f64) -> f64 {
+        let slopes = self.kinds.iter();
+        let slopes = slopes.map(|sensor| 2.0 * sensor.noise_density.slope(hz));
+        slopes.fold(0.0, steeper)
+    }
+}
+
+/// The exponent of the greater magnitude.
+fn steeper(a: f64, b: f64) -> f64 {
+    if b.abs() > a.abs() { b } else { a }
 }
 
 /// Everything that moves a machine.
@@ -367,7 +389,7 @@ struct Sources<'a> {
 
 impl Sources<'_> {
     /// Frequencies in `band`, Hz, with their weights: all that is integrated is singular at poles
-    /// and smooth between the floor's points and the edges of the bands.
+    /// and smooth between the points of floor and noise and the edges of the bands.
     fn nodes(&self, board: &Board, band: [f64; 2]) -> Result<Vec<(f64, f64)>, NumericError> {
         let plant = self.plant;
         let mut singular = match self.law {
@@ -385,10 +407,12 @@ impl Sources<'_> {
         let mut breaks = grid(low, high, 150, &[]);
         let edges = third_centres().flat_map(third_edges);
         let inside = |hz: &f64| low < *hz && *hz < high;
-        breaks.extend(edges.chain(self.floor.breaks()).filter(inside));
+        let points = self.floor.breaks().into_iter().chain(self.noise.breaks());
+        breaks.extend(edges.chain(points).filter(inside));
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
-        Ok(nodes(&breaks, &singular, |hz| self.floor.exponent(hz)))
+        let exponent = |hz: f64| steeper(self.floor.exponent(hz), self.noise.exponent(hz));
+        Ok(nodes(&breaks, &singular, exponent))
     }
 
     /// The power densities at `hz`, Hz, of performance, frame, forces and strokes.
@@ -408,12 +432,13 @@ impl Sources<'_> {
         let from_sensors = from_dac * &controller;
         let base = model.base.map(Complex::from);
         let floor = self.floor.density(hz).powi(2);
-        let Noise { sensors, adc, dac } = &self.noise;
+        let own = self.noise.sensors(hz);
+        let Noise { adc, dac, .. } = &self.noise;
         let powers = |by_floor: &Gain, by_force: &Gain, scale: f64| -> Vec<Powers> {
             let by_base = by_floor * base;
             // The part of these rows that sensor noise causes through the forces.
             let by_noise = (by_force * &from_sensors).map(|z| z.norm_sqr());
-            let [sensors, adc] = [sensors, adc].map(|noise| &by_noise * noise);
+            let [sensors, adc] = [&own, adc].map(|noise| &by_noise * noise);
             let by_dac = by_force * from_dac;
             let of_row = |i| {
                 let powers = [

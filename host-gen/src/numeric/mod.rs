@@ -5,6 +5,7 @@ pub mod eigen;
 pub mod frequencies;
 pub(crate) mod loci;
 pub mod pencil;
+pub mod power_law;
 pub(crate) mod products;
 pub mod quadrature;
 pub mod rows;

@@ -17,5 +17,7 @@ mod outline;
 mod report;
 mod robustness;
 mod sampled_loop;
+mod sensor_dynamics;
+mod sensor_noise;
 mod soft_start;
 mod spectrum;
