@@ -153,8 +153,8 @@ fn all() -> Vec<Figure> {
         .sum::<f64>();
     let accesses = ACCESSES.map(f64::from);
     let adc = 1.0 / reference.adc.lsb();
-    let accelerometer = reference.accelerometer.unwrap().sensitivity;
-    let force_sensor = reference.force_sensor.unwrap().sensitivity;
+    let accelerometer = reference.accelerometer.as_ref().unwrap().sensitivity;
+    let force_sensor = reference.force_sensor.as_ref().unwrap().sensitivity;
     let full_scale = 32768.0 * reference.adc.lsb();
     let bands = |designed| row(designed)[..2].to_vec();
 

@@ -44,7 +44,8 @@ const WHOLE: f64 = 1e-9;
 impl DelayBudget {
     pub(crate) fn new(board: &Board) -> Self {
         let lag = |hz: Option<f64>| hz.map_or(0.0, |hz| 1.0 / (core::f64::consts::TAU * hz));
-        let [amplifier, sensor] = [board.actuator_bandwidth, board.sensor.bandwidth].map(lag);
+        let amplifier = lag(board.actuator_bandwidth);
+        let sensor = board.sensor.delay();
         Self {
             latch: board.latch_delay,
             hold: 0.5 * board.period(),
@@ -85,7 +86,7 @@ mod tests {
         ] {
             let mut machine = paper.clone();
             machine.board.latch_delay = latch;
-            let board = machine.board;
+            let board = machine.board.clone();
             assert!((in_hold(&board) - place).abs() < 1e-9, "{latch}");
             let [above, below] = middles(&board);
             assert!(above >= latch && latch > below, "{latch}");

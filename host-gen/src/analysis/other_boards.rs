@@ -30,7 +30,7 @@ pub(crate) fn other_boards(
 ) -> Result<Vec<OtherBoard>, StudyError> {
     let mut boards = Vec::new();
     for rate in [1.0, 2.0] {
-        let mut board = machine.board;
+        let mut board = machine.board.clone();
         board.sample_rate *= rate;
         let [above, below] = middles(&board);
         let mut delays = vec![above, board.latch_delay, below];
@@ -40,7 +40,7 @@ pub(crate) fn other_boards(
             let mut machine = machine.clone();
             machine.board = Board {
                 latch_delay,
-                ..board
+                ..board.clone()
             };
             boards.push(machine);
         }
@@ -48,7 +48,7 @@ pub(crate) fn other_boards(
     boards
         .into_par_iter()
         .map(|machine| {
-            let board = machine.board;
+            let board = machine.board.clone();
             let study = Study::new(machine)?;
             let search = Search {
                 effort: Effort::Rough,

@@ -15,7 +15,7 @@ use shared::table::{Paths, ValidTable};
 
 use crate::control::LinearLaw;
 use crate::control::law::LawStateSpace;
-use crate::machine::Machine;
+use crate::machine::{Machine, Sensor};
 
 /// Rounding error relative to noise at one frequency.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -101,14 +101,18 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
     let law = plain.get().law;
     let board = &machine.board;
     let nyquist = (0.5 * board.sample_rate).sqrt();
-    // By sensor: rms of its noise and the ADC's together; and a motion, equal
-    // accelerations in all modes with the forces that belong to them.
-    let mut noise = Vec::new();
-    for sensor in board.fed_back() {
+    // By sensor: rms of white noise and the ADC's together, with densities as at a frequency, or
+    // between samples; and a motion, equal accelerations in all modes with the forces that
+    // belong to them.
+    let with = |density: &dyn Fn(&Sensor) -> f64| {
         let adc = board.adc_noise.hypot(board.adc.lsb() / 12f64.sqrt());
-        let rms = (sensor.noise_density * nyquist).hypot(adc / sensor.sensitivity);
-        noise.extend([rms; LEGS]);
-    }
+        let of_kind = |sensor: &Sensor| {
+            let rms = (density(sensor) * nyquist).hypot(adc / sensor.sensitivity);
+            [rms; LEGS]
+        };
+        DVector::from_vec(board.fed_back().flat_map(of_kind).collect())
+    };
+    let noise = with(&|sensor| sensor.noise_density.between_samples(board.sample_rate));
     let mut motion = vec![1.0; LEGS];
     if let (Paths::Modal(modal), Some(complement)) = (&law.paths, plain.get().complement()) {
         let double = |m: &Matrix6<f32>| m.map(f64::from);
@@ -116,7 +120,7 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
         let forces = double(&complement.input).lu().solve(&modes);
         motion.extend(forces.iter().flat_map(|forces| forces.iter()));
     }
-    let [noise, motion] = [noise, motion].map(DVector::from_vec);
+    let motion = DVector::from_vec(motion);
     let slow_hz = 0.7 * machine.target.frequency;
     let gain = linear.response(Complex::cis(TAU * slow_hz / board.sample_rate));
     let largest = (gain * motion.map(Complex::from))
@@ -184,6 +188,7 @@ pub fn rounding(machine: &Machine, table: &ValidTable) -> Vec<Rounding> {
     let code = (board.dac.lsb() * board.actuator_gain).powi(2) / 12.0;
     let by_noise = |hz: f64| {
         let gain = linear.response(Complex::cis(TAU * hz / board.sample_rate));
+        let noise = with(&|sensor| sensor.noise_density.at(hz));
         gain.map(|z| z.norm_sqr()) * noise.map(|rms| rms * rms)
     };
     // White noise of power 1 in the same windows: the squares of Hann's window have the mean 3/8.

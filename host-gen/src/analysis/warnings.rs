@@ -206,16 +206,24 @@ fn units(machine: &Machine) -> Vec<String> {
         ));
     }
     for (kind, sensor) in [
-        ("accelerometer", board.accelerometer),
-        ("force_sensor", board.force_sensor),
+        ("accelerometer", &board.accelerometer),
+        ("force_sensor", &board.force_sensor),
     ] {
         let Some(sensor) = sensor else { continue };
-        let volts = sensor.noise_density * (0.5 * board.sample_rate).sqrt() * sensor.sensitivity;
+        let volts = sensor.noise_density.rms(board.sample_rate) * sensor.sensitivity;
         if volts.abs() > range {
             warnings.push(format!(
                 "board.{kind}.noise_density makes {:.1e} V rms at a converter of ±{} V: is it in the unit of the file?",
                 volts.abs(),
                 range
+            ));
+        }
+        if let Some(corner) = sensor.lower_corner
+            && corner.hz() > machine.target.frequency
+        {
+            warnings.push(format!(
+                "board.{kind}.lower_corner is {} Hz, above control.frequency: these sensors do not see the suspension",
+                corner.hz()
             ));
         }
         if sensor.offset.abs() >= range {

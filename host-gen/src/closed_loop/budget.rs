@@ -21,7 +21,7 @@ use crate::numeric::exposure::Measure;
 use crate::numeric::frequencies::grid;
 use crate::numeric::quadrature::{nodes, singular_hertz};
 use crate::numeric::six::ComplexMatrix6;
-use crate::plant::noise::Noise;
+use crate::plant::noise::{Noise, steeper};
 use crate::plant::{Control, Gain, SampledPlant};
 
 /// The lowest frequency of a noise budget, Hz: further below, displacements from accelerations
@@ -132,7 +132,7 @@ struct Sources<'a> {
 
 impl Sources<'_> {
     /// Frequencies in `band`, Hz, with their weights: all that is integrated is singular at poles
-    /// and smooth between the floor's points and the edges of the bands.
+    /// and smooth between the points of floor and noise and the edges of the bands.
     fn nodes(&self, board: &Board, band: [f64; 2]) -> Result<Vec<(f64, f64)>, NumericError> {
         let plant = self.plant;
         let mut singular = match self.law {
@@ -150,12 +150,14 @@ impl Sources<'_> {
         let mut breaks = grid(low, high, 150, &[]);
         let edges = third_centres().flat_map(third_edges);
         let inside = |hz: &f64| low < *hz && *hz < high;
-        breaks.extend(edges.chain(self.floor.breaks()).filter(inside));
+        let points = self.floor.breaks().into_iter().chain(self.noise.breaks());
+        breaks.extend(edges.chain(points).filter(inside));
         let average = self.exposure.map(Measure::Average);
         breaks.extend(average.into_iter().flat_map(|measure| measure.breaks(band)));
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
-        Ok(nodes(&breaks, &singular, |hz| self.floor.exponent(hz)))
+        let exponent = |hz: f64| steeper(self.floor.exponent(hz), self.noise.exponent(hz));
+        Ok(nodes(&breaks, &singular, exponent))
     }
 
     /// The power densities at `hz`, Hz, of performance, frame, forces and strokes.
@@ -175,12 +177,13 @@ impl Sources<'_> {
         let from_sensors = from_dac * &controller;
         let motions = Matrix6::from_diagonal(&self.floor.motions(hz));
         let base = (model.base * motions).map(Complex::from);
-        let Noise { sensors, adc, dac } = &self.noise;
+        let own = self.noise.sensors(hz);
+        let Noise { adc, dac, .. } = &self.noise;
         let powers = |by_floor: &Gain, by_force: &Gain, scale: f64| -> Vec<Powers> {
             let by_base = by_floor * base;
             // The part of these rows that sensor noise causes through the forces.
             let by_noise = (by_force * &from_sensors).map(|z| z.norm_sqr());
-            let [sensors, adc] = [sensors, adc].map(|noise| &by_noise * noise);
+            let [sensors, adc] = [&own, adc].map(|noise| &by_noise * noise);
             let by_dac = by_force * from_dac;
             let of_row = |i| {
                 let powers = [

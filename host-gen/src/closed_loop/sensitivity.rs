@@ -72,11 +72,11 @@ pub struct LoopGrid {
 impl LoopGrid {
     /// A grid from `low`, Hz, to half the sample rate.
     ///
-    /// It is refined at the modes of the plant and at the peaks `sharp` (centre and half width,
+    /// It is refined at the modes of the plant, at the resonances of its sensors, and at the peaks `sharp` (centre and half width,
     /// Hz). `modal` is S of Eq. (17).
     pub fn new(plant: &SampledPlant, modal: &Matrix6<f64>, low: f64, sharp: &[(f64, f64)]) -> Self {
         let high = 0.5 / plant.period;
-        let peaks = [&plant.plant.peaks(), sharp].concat();
+        let peaks = [&plant.peaks(), sharp].concat();
         let points = grid(low, high, 500, &peaks)
             .into_iter()
             .map(|hz| (hz, plant.z(hz), plant.response(hz).g22()))

@@ -44,7 +44,7 @@ pub fn supervision(machine: &Machine) -> Supervision {
         safe_ramp: samples(s.safe_ramp),
         rail: samples(s.rail),
         stuck: samples(s.stuck.unwrap_or(if quiet { 0.0 } else { 0.1 })),
-        spike: [Some(board.sensor), board.beside].map(|kind| {
+        spike: [Some(&board.sensor), board.beside.as_ref()].map(|kind| {
             let noise = kind.map_or(0.0, |sensor| noise(board, sensor));
             // The conversion saturates at the ends of the range.
             let least = (SPIKE * noise).max(LEAST_SPIKE) as u16;
@@ -70,15 +70,30 @@ fn rounded(x: f64) -> f32 {
     format!("{x:.3e}").parse().unwrap_or(0.0)
 }
 
-/// Noise of sensor and ADC, codes rms.
-fn noise(board: &Board, sensor: Sensor) -> f64 {
-    let own = sensor.noise_density * (0.5 * board.sample_rate).sqrt() * sensor.sensitivity;
+/// Noise of sensor and ADC, codes rms, as samples differ from each other: drift makes neither
+/// spikes nor other codes in a moment, and the supervisor takes the mean out of its windows.
+fn noise(board: &Board, sensor: &Sensor) -> f64 {
+    codes(
+        board,
+        sensor,
+        sensor.noise_density.between_samples(board.sample_rate),
+    )
+}
+
+/// The noise of the ADC and that of the sensor with a white `density`, codes rms.
+fn codes(board: &Board, sensor: &Sensor, density: f64) -> f64 {
+    let own = density * (0.5 * board.sample_rate).sqrt() * sensor.sensitivity;
     own.hypot(board.adc_noise) / board.adc.lsb()
 }
 
-/// Noise of sensor and ADC, rms, in the unit of the sensor.
-pub(crate) fn sensor_noise(board: &Board, sensor: Sensor) -> f64 {
-    noise(board, sensor) * (board.adc.lsb() / sensor.sensitivity.abs())
+/// Noise of sensor and ADC, rms, in the unit of the sensor, as samples differ from each other.
+pub(crate) fn sensor_noise(board: &Board, sensor: &Sensor) -> f64 {
+    in_units(board, sensor, noise(board, sensor))
+}
+
+/// Codes in the unit of the sensor.
+fn in_units(board: &Board, sensor: &Sensor, codes: f64) -> f64 {
+    codes * (board.adc.lsb() / sensor.sensitivity.abs())
 }
 
 /// The self-test and the pilot for `machine`, with the answers of its sampled `plant`.
@@ -92,9 +107,8 @@ pub fn self_test(machine: &Machine, plant: &SampledPlant) -> SelfTest {
     let hz = (ABOVE * highest).min(0.2 * board.sample_rate);
     let periods = (hz * measure / board.sample_rate).round().max(1.0);
     let step = (periods / measure * 4_294_967_296.0).round();
-    let gain = plant
-        .response(step / 4_294_967_296.0 * board.sample_rate)
-        .g22();
+    let hz = step / 4_294_967_296.0 * board.sample_rate;
+    let gain = plant.response(hz).g22();
     let answers = |first: usize| {
         core::array::from_fn(|leg| {
             core::array::from_fn(|sensor| {
@@ -110,9 +124,10 @@ pub fn self_test(machine: &Machine, plant: &SampledPlant) -> SelfTest {
     let watch = (s.pilot_time * board.sample_rate).round();
     let pilot = s.pilot.unwrap_or_else(|| {
         let needed = board.fed_back().enumerate().map(|(kind, sensor)| {
-            // White noise of n²/Hz gives a phasor measured with a Hann window over T the variance
+            // Noise of n²/Hz at its frequency gives a phasor measured with a Hann window over T the variance
             // 3·n²/T.
-            let square = sensor_noise(board, sensor).powi(2) / (0.5 * board.sample_rate);
+            let codes = codes(board, sensor, sensor.noise_density.at(hz));
+            let square = in_units(board, sensor, codes).powi(2) / (0.5 * board.sample_rate);
             let noise = (LEGS as f64 * 3.0 * square / s.pilot_time).sqrt();
             let rows = gain.rows(kind * LEGS, LEGS);
             let weakest = rows.column_iter().map(|leg| leg.norm());

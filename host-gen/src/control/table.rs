@@ -83,18 +83,23 @@ pub fn modal(
         output,
     } = ModalTransform::new(model);
     let period = machine.board.period();
-    let complement = machine.board.beside.zip(beside).map(|(sensor, input)| {
-        let calibration = machine.board.adc.calibration(sensor.sensitivity);
-        Complement {
-            sensors: [calibration; LEGS],
-            input: input.map(|x| x as f32),
-            // Without a crossover frequency only the accelerometers act.
-            split: shapes.each_ref().map(|shape| {
-                let split = shape.split_hz.map(|hz| coefficient(hz, period) as f32);
-                split.unwrap_or(1.0)
-            }),
-        }
-    });
+    let complement = machine
+        .board
+        .beside
+        .as_ref()
+        .zip(beside)
+        .map(|(sensor, input)| {
+            let calibration = machine.board.adc.calibration(sensor.sensitivity);
+            Complement {
+                sensors: [calibration; LEGS],
+                input: input.map(|x| x as f32),
+                // Without a crossover frequency only the accelerometers act.
+                split: shapes.each_ref().map(|shape| {
+                    let split = shape.split_hz.map(|hz| coefficient(hz, period) as f32);
+                    split.unwrap_or(1.0)
+                }),
+            }
+        });
     with_paths(
         machine,
         plant,

@@ -3,6 +3,7 @@
 use core::str::FromStr;
 
 use crate::files::without_byte_order_mark;
+use crate::numeric::power_law::{exponent, power_law};
 
 /// The highest acceleration density that a floor may have, m/s²/√Hz. Squared and integrated, it
 /// stays a number.
@@ -161,7 +162,7 @@ impl Spectrum {
             return 0.0;
         };
         if d0 > 0.0 && d1 > 0.0 {
-            d0 * ((d1.ln() - d0.ln()) * (hz.ln() - f0.ln()) / (f1.ln() - f0.ln())).exp()
+            power_law([(f0, d0), (f1, d1)], hz)
         } else {
             d0 + (d1 - d0) * (hz - f0) / (f1 - f0)
         }
@@ -171,7 +172,7 @@ impl Spectrum {
     pub(super) fn exponent(&self, hz: f64) -> f64 {
         match self.around(hz) {
             Some([(f0, d0), (f1, d1)]) if d0 > 0.0 && d1 > 0.0 => {
-                2.0 * (d1.ln() - d0.ln()) / (f1.ln() - f0.ln())
+                2.0 * exponent([(f0, d0), (f1, d1)])
             }
             // A parabola takes more than one node.
             Some([(f0, _), (f1, _)]) => 3.0 * hz / (f1 - f0),

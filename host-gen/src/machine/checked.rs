@@ -11,9 +11,10 @@ use shared::table::ModelDigest;
 
 use super::error::{EntryError, MachineError};
 use super::file::{
-    FeedbackKind, LawName, MachineFile, Minimise, Provenance, RollOff, ShapeEntry, Simulation,
-    SupervisionSettings,
+    FeedbackKind, LawName, MachineFile, Minimise, Provenance, Resonance, RollOff, ShapeEntry,
+    Simulation, SupervisionSettings,
 };
+use super::noise::NoiseDensity;
 use super::source::Source;
 use crate::floor::Floor;
 use crate::numeric::exposure::Measure;
@@ -245,7 +246,7 @@ impl Target {
 }
 
 /// The board with its converters, sensors and actuators.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Board {
     /// Sample rate, Hz.
     pub sample_rate: f64,
@@ -288,8 +289,10 @@ impl Board {
 
     /// The sensors that are fed back, by kind: [`sensor`](Self::sensor), then
     /// [`beside`](Self::beside).
-    pub fn fed_back(&self) -> impl Iterator<Item = Sensor> {
-        [Some(self.sensor), self.beside].into_iter().flatten()
+    pub fn fed_back(&self) -> impl Iterator<Item = &Sensor> {
+        [Some(&self.sensor), self.beside.as_ref()]
+            .into_iter()
+            .flatten()
     }
 }
 
@@ -321,24 +324,59 @@ pub struct Robustness {
 }
 
 /// A sensor with its amplifier.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
     /// Sensitivity with the amplifier, V/(m/s²) or V/N.
     pub sensitivity: f64,
-    /// White noise density, m/s²/√Hz or N/√Hz.
-    pub noise_density: f64,
+    /// Noise density, m/s²/√Hz or N/√Hz.
+    pub noise_density: NoiseDensity,
     /// Offset voltage at the converter, V.
     pub offset: f64,
     /// Bandwidth of sensor and amplifier as a first-order low-pass, Hz.
     pub bandwidth: Option<f64>,
+    /// High-pass at low frequency.
+    pub lower_corner: Option<LowerCorner>,
+    /// Resonance of the sensor, a low-pass of second order.
+    pub resonance: Option<Resonance>,
+}
+
+/// The high-pass of a sensor that does not measure constant values, with its corner (−3 dB), Hz.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LowerCorner {
+    /// s/(s + ω).
+    First(f64),
+    /// Butterworth, s²/(s² + √2ωs + ω²).
+    Second(f64),
+}
+
+impl LowerCorner {
+    /// The corner, Hz.
+    pub fn hz(self) -> f64 {
+        match self {
+            Self::First(hz) | Self::Second(hz) => hz,
+        }
+    }
+}
+
+impl Sensor {
+    /// The delay of bandwidth and resonance far below both, s.
+    pub fn delay(&self) -> f64 {
+        let lag = self.bandwidth.map_or(0.0, |hz| 1.0 / hz);
+        let resonance = self
+            .resonance
+            .map_or(0.0, |peak| 2.0 * peak.damping / peak.hz);
+        (lag + resonance) / core::f64::consts::TAU
+    }
 }
 
 impl Machine {
     /// The same machine with other sensors fed back; None if it or its board does not have
     /// them.
     pub fn with_feedback(&self, feedback: FeedbackKind) -> Option<Self> {
-        let accelerometer = self.accelerometers.as_ref().and(self.board.accelerometer);
-        let force_sensor = self.force_sensors.and(self.board.force_sensor);
+        let of_board = &self.board;
+        let accelerometer = self.accelerometers.as_ref();
+        let accelerometer = accelerometer.and(of_board.accelerometer.clone());
+        let force_sensor = self.force_sensors.and(of_board.force_sensor.clone());
         let (sensor, beside) = match feedback {
             FeedbackKind::Acceleration => (accelerometer?, None),
             FeedbackKind::Force => (force_sensor?, None),

@@ -55,9 +55,12 @@
 //!         dac: DacEntry { bits: 16, range: [0.0, 5.0], noise: 50e-6 },
 //!         accelerometer: Some(SensorEntry {
 //!             sensitivity: 20.0,
-//!             noise_density: 1e-7,
+//!             noise_density: 1e-7.into(),
 //!             offset: 0.0,
 //!             bandwidth: None,
+//!             lower_corner: None,
+//!             lower_order: None,
+//!             resonance: None,
 //!         }),
 //!         force_sensor: None,
 //!         actuator: ActuatorEntry { gain: 100.0, limit: 200.0, bandwidth: None },
@@ -633,14 +636,63 @@ pub struct DacEntry {
 pub struct SensorEntry {
     /// Sensitivity including the amplifier, V/(m/s²) or V/N. Negative if it inverts; not 0.
     pub sensitivity: f64,
-    /// White noise density of the sensor, m/s²/√Hz or N/√Hz. Not negative. Default: 0.
+    /// Noise density of the sensor, one-sided, m/s²/√Hz or N/√Hz. Not negative. A number is white
+    /// noise, a table `[[hz, density], …]` is a straight line on logarithmic axes from point to
+    /// point and constant beyond its ends. Default: 0.
     #[serde(default)]
-    pub noise_density: f64,
+    pub noise_density: NoiseEntry,
     /// Offset voltage at the converter, V. Default: 0.
     #[serde(default)]
     pub offset: f64,
     /// Bandwidth of the sensor as a first-order low-pass, Hz. Above 0. Default: no low-pass.
     pub bandwidth: Option<f64>,
+    /// Lower corner (−3 dB) of the sensor as a high-pass, Hz. Above 0, and at most half of
+    /// `bandwidth` and of `resonance.hz`. Default: the sensor measures constant values.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower_corner: Option<f64>,
+    /// Order of the high-pass at `lower_corner` (no unit). 1 or 2, the second order with
+    /// Butterworth's damping, 1/√2. Default: 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 2))]
+    pub lower_order: Option<u32>,
+    /// The sensor's own resonance, a low-pass of second order. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resonance: Option<Resonance>,
+}
+
+/// The resonance of a sensor: a low-pass of second order.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Resonance {
+    /// Natural frequency ω/2π, Hz. Above 0.
+    pub hz: f64,
+    /// Damping ratio (no unit). From 0.0001 to 0.99.
+    pub damping: f64,
+}
+
+/// Noise density of a sensor, one-sided, m/s²/√Hz or N/√Hz.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(
+    untagged,
+    expecting = "expected a number, in m/s²/√Hz or N/√Hz, or a table [[hz, density], …] of frequencies, in Hz, with their densities"
+)]
+pub enum NoiseEntry {
+    /// The same density at all frequencies. Not negative.
+    White(f64),
+    /// At least two frequencies, Hz, ascending and above 0, each with its density, above 0.
+    Table(Vec<(f64, f64)>),
+}
+
+impl Default for NoiseEntry {
+    fn default() -> Self {
+        Self::White(0.0)
+    }
+}
+
+impl From<f64> for NoiseEntry {
+    fn from(density: f64) -> Self {
+        Self::White(density)
+    }
 }
 
 /// `[board.actuator]`: piezo actuators with their amplifiers.

@@ -14,7 +14,7 @@ use super::file::MachineFile;
 /// The limits of one number: of its magnitude, if it is not zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// The key, `*` for any name.
+    /// The key, `*` for any name; `.0` for the first place of a point in a table.
     key: &'static str,
     /// Smallest magnitude but zero.
     pub least: f64,
@@ -99,6 +99,7 @@ const VOLTS_WHY: &str = "what converters and amplifiers can do";
 const TIME_WHY: &str = "at most a day";
 const COUNT_WHY: &str = "more would never be reached";
 const CORNER_WHY: &str = "what a controller can filter";
+const CORNER_SENSOR_WHY: &str = "what sensors have";
 const RATIO_WHY: &str = "more would be no limit";
 
 /// All numbers of a machine file.
@@ -289,6 +290,13 @@ const ALL: &[Limits] = &[
         VOLTS_WHY,
     ),
     limits(
+        "board.accelerometer.noise_density.0",
+        1e-6,
+        1e8,
+        "Hz",
+        "slower than tides no sensor is tested",
+    ),
+    limits(
         "board.accelerometer.noise_density",
         0.0,
         1e3,
@@ -298,11 +306,46 @@ const ALL: &[Limits] = &[
     limits("board.accelerometer.offset", 0.0, 1e6, "V", VOLTS_WHY),
     limits("board.accelerometer.bandwidth", 1e-3, 1e12, "Hz", VOLTS_WHY),
     limits(
+        "board.accelerometer.lower_corner",
+        1e-6,
+        1e8,
+        "Hz",
+        CORNER_SENSOR_WHY,
+    ),
+    limits(
+        "board.accelerometer.lower_order",
+        0.0,
+        1e3,
+        "",
+        "there are two",
+    ),
+    limits(
+        "board.accelerometer.resonance.hz",
+        1e-3,
+        1e12,
+        "Hz",
+        CORNER_SENSOR_WHY,
+    ),
+    limits(
+        "board.accelerometer.resonance.damping",
+        0.0,
+        1e3,
+        "",
+        "that of no sensor",
+    ),
+    limits(
         "board.force_sensor.sensitivity",
         1e-9,
         1e9,
         "V/N",
         VOLTS_WHY,
+    ),
+    limits(
+        "board.force_sensor.noise_density.0",
+        1e-6,
+        1e8,
+        "Hz",
+        "slower than tides no sensor is tested",
     ),
     limits(
         "board.force_sensor.noise_density",
@@ -313,6 +356,34 @@ const ALL: &[Limits] = &[
     ),
     limits("board.force_sensor.offset", 0.0, 1e6, "V", VOLTS_WHY),
     limits("board.force_sensor.bandwidth", 1e-3, 1e12, "Hz", VOLTS_WHY),
+    limits(
+        "board.force_sensor.lower_corner",
+        1e-6,
+        1e8,
+        "Hz",
+        CORNER_SENSOR_WHY,
+    ),
+    limits(
+        "board.force_sensor.lower_order",
+        0.0,
+        1e3,
+        "",
+        "there are two",
+    ),
+    limits(
+        "board.force_sensor.resonance.hz",
+        1e-3,
+        1e12,
+        "Hz",
+        CORNER_SENSOR_WHY,
+    ),
+    limits(
+        "board.force_sensor.resonance.damping",
+        0.0,
+        1e3,
+        "",
+        "that of no sensor",
+    ),
     limits(
         "board.actuator.gain",
         1e-9,
@@ -424,7 +495,8 @@ pub(super) fn check(file: &MachineFile) -> Result<(), EntryError> {
             && !limits.hold(value)
             && result.is_ok()
         {
-            let name = keys.last().copied().unwrap_or_default();
+            let name = keys.iter().rfind(|key| !is_place(key));
+            let name = name.copied().unwrap_or_default();
             let message = format!("{name} must be {limits}, not {}", short(value));
             result = Err(EntryError::new(entry, message).fix("check its unit"));
         }
@@ -443,11 +515,23 @@ fn find(keys: &[&str]) -> Option<&'static Limits> {
         }
         keys => keys,
     };
-    ALL.iter().find(|limits| {
+    let own = ALL.iter().find(|limits| {
         let mut parts = limits.key.split('.');
         let fits = |key: &&str| parts.next().is_some_and(|part| part == "*" || part == *key);
         keys.iter().all(fits) && parts.next().is_none()
-    })
+    });
+    match keys {
+        // All places of most arrays have the same limits.
+        [above @ .., place] if own.is_none() && is_place(place) => find(above),
+        _ => own,
+    }
+}
+
+/// The places of an array as keys.
+const PLACES: [&str; 3] = ["0", "1", "2"];
+
+fn is_place(key: &str) -> bool {
+    PLACES.contains(&key)
 }
 
 /// Calls `visit` for every number within `value`, with its keys, its entry and its value.
@@ -469,7 +553,12 @@ fn numbers(value: &Value, visit: &mut impl FnMut(&[&str], &str, f64)) {
             }
             Value::Array(array) => {
                 for (i, value) in array.iter().enumerate() {
+                    let place = PLACES
+                        .get(i)
+                        .filter(|_| !value.is_array() && !value.is_table());
+                    keys.extend(place);
                     walk(value, keys, &format!("{entry}[{i}]"), visit);
+                    keys.truncate(keys.len() - place.iter().count());
                 }
             }
             Value::Float(x) => visit(keys, entry, *x),
@@ -541,8 +630,11 @@ mod tests {
         for list in ["items", "prefixItems", "anyOf", "oneOf", "allOf"] {
             match &node[list] {
                 serde_json::Value::Array(children) => {
-                    for child in children {
-                        of_schema(root, child, key, keys);
+                    for (i, child) in children.iter().enumerate() {
+                        let place = format!("{key}.{i}");
+                        // The places of a tuple have limits of their own.
+                        let own = list == "prefixItems" && Limits::of(&place).is_some();
+                        of_schema(root, child, if own { &place } else { key }, keys);
                     }
                 }
                 child if child.is_object() => of_schema(root, child, key, keys),

@@ -10,6 +10,8 @@
 //! | `source` | texts of files, what they are based on, where an entry is |
 //! | [`schema`] | the JSON Schema of machine files |
 //! | `read` | from TOML values to the file's types |
+//! | `noise` | the noise of a sensor over frequency |
+//! | `sensor` | a sensor with its noise and its dynamics |
 //! | `checked` | [`Machine`] and its parts |
 //! | `validate` | from the file's types to a [`Machine`] |
 //!
@@ -20,8 +22,10 @@ mod checked;
 mod error;
 pub mod file;
 pub mod limits;
+mod noise;
 mod read;
 pub mod schema;
+mod sensor;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -30,16 +34,17 @@ mod validate;
 use std::path::Path;
 
 pub use checked::{
-    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, Machine, Node,
-    Performance, Robustness, Sensor, Stiffness, Target,
+    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, LowerCorner,
+    Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
 };
 pub(crate) use error::EntryError;
 pub use error::MachineError;
 pub use file::{
-    Certainty, FeedbackKind, FilterEntry, LawName, MachineFile, Minimise, Provenance,
-    ResonanceEntry, RollOff, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
+    Certainty, FeedbackKind, FilterEntry, LawName, MachineFile, Minimise, NoiseEntry, Provenance,
+    Resonance, ResonanceEntry, RollOff, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
     UnknownFeedback,
 };
+pub use noise::NoiseDensity;
 use source::Source;
 
 impl Machine {

@@ -62,9 +62,12 @@ fn frame() -> MachineFile {
     };
     let sensor = |sensitivity: f64, noise_density: f64| SensorEntry {
         sensitivity,
-        noise_density,
+        noise_density: noise_density.into(),
         offset: 2e-3,
         bandwidth: None,
+        lower_corner: None,
+        lower_order: None,
+        resonance: None,
     };
     let named = |name: &str, node: &str, axis: usize| (name.to_owned(), direction(node, axis));
     let nodes = [

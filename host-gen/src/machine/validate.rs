@@ -17,13 +17,14 @@ use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, BodyEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind,
     ForceSensorEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry,
-    RollOff, SensorEntry, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
+    RollOff, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
 };
 use super::limits::{self, Limits};
+use super::sensor::{bandwidth, sensor};
 use super::source::{Source, has};
 use crate::floor::{Floor, Spectrum};
 
-type Checked<T> = Result<T, EntryError>;
+pub(super) type Checked<T> = Result<T, EntryError>;
 
 /// How far from length 1 a direction may be: five typed digits.
 const UNIT_SLACK: f64 = 1e-5;
@@ -279,7 +280,7 @@ fn finite3(entry: &str, value: &[f64; 3], unit: &str) -> Checked<Vector3<f64>> {
 }
 
 /// A finite number for which `right` holds; `must` says what it must be.
-fn number(entry: &str, value: f64, right: bool, must: impl Display) -> Checked<f64> {
+pub(super) fn number(entry: &str, value: f64, right: bool, must: impl Display) -> Checked<f64> {
     let must = match value.is_finite() {
         true if right => return Ok(value),
         true => must.to_string(),
@@ -298,17 +299,17 @@ fn after_number(unit: &str) -> String {
     }
 }
 
-fn positive(entry: &str, value: f64, unit: &str) -> Checked<f64> {
+pub(super) fn positive(entry: &str, value: f64, unit: &str) -> Checked<f64> {
     let must = format!("be above 0{}", after_number(unit));
     number(entry, value, value > 0.0, must)
 }
 
-fn not_negative(entry: &str, value: f64, unit: &str) -> Checked<f64> {
+pub(super) fn not_negative(entry: &str, value: f64, unit: &str) -> Checked<f64> {
     let must = format!("be at least 0{}", after_number(unit));
     number(entry, value, value >= 0.0, must)
 }
 
-fn not_zero(entry: &str, value: f64) -> Checked<f64> {
+pub(super) fn not_zero(entry: &str, value: f64) -> Checked<f64> {
     number(entry, value, value != 0.0, "differ from 0")
 }
 
@@ -732,10 +733,10 @@ fn shapes(control: &ControlEntry, sample_rate: f64) -> Checked<Option<[ShapeEntr
 }
 
 fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
-    let accelerometer = board_sensor("board.accelerometer", spec.accelerometer.as_ref())?;
-    let force_sensor = board_sensor("board.force_sensor", spec.force_sensor.as_ref())?;
-    let there = |sensor: Option<Sensor>, name| {
-        sensor.ok_or_else(|| {
+    let accelerometer = sensor("board.accelerometer", spec.accelerometer.as_ref())?;
+    let force_sensor = sensor("board.force_sensor", spec.force_sensor.as_ref())?;
+    let there = |sensor: &Option<Sensor>, name| {
+        sensor.clone().ok_or_else(|| {
             EntryError::new(
                 "board",
                 format!("[board.{name}] is missing; these sensors are fed back"),
@@ -743,11 +744,11 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         })
     };
     let (sensor, beside) = match feedback {
-        FeedbackKind::Acceleration => (there(accelerometer, "accelerometer")?, None),
-        FeedbackKind::Force => (there(force_sensor, "force_sensor")?, None),
+        FeedbackKind::Acceleration => (there(&accelerometer, "accelerometer")?, None),
+        FeedbackKind::Force => (there(&force_sensor, "force_sensor")?, None),
         FeedbackKind::Both => (
-            there(accelerometer, "accelerometer")?,
-            Some(there(force_sensor, "force_sensor")?),
+            there(&accelerometer, "accelerometer")?,
+            Some(there(&force_sensor, "force_sensor")?),
         ),
     };
     for (key, bits) in [("adc", spec.adc.bits), ("dac", spec.dac.bits)] {
@@ -808,22 +809,6 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         .fix("lower the sample rate or the delays"));
     }
     Ok(board)
-}
-
-fn board_sensor(entry: &str, spec: Option<&SensorEntry>) -> Checked<Option<Sensor>> {
-    let Some(spec) = spec else {
-        return Ok(None);
-    };
-    Ok(Some(Sensor {
-        sensitivity: not_zero(&format!("{entry}.sensitivity"), spec.sensitivity)?,
-        noise_density: not_negative(&format!("{entry}.noise_density"), spec.noise_density, "")?,
-        offset: number(&format!("{entry}.offset"), spec.offset, true, "")?,
-        bandwidth: bandwidth(&format!("{entry}.bandwidth"), spec.bandwidth)?,
-    }))
-}
-
-fn bandwidth(entry: &str, hz: Option<f64>) -> Checked<Option<f64>> {
-    hz.map(|hz| positive(entry, hz, "Hz")).transpose()
 }
 
 /// Longest silence of the link, s: at any sample rate it fits the table's counter.

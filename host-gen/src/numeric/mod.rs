@@ -6,6 +6,7 @@ pub mod exposure;
 pub mod frequencies;
 pub(crate) mod loci;
 pub mod pencil;
+pub mod power_law;
 pub(crate) mod products;
 pub mod quadrature;
 pub mod rows;

@@ -1,17 +1,18 @@
-//! First-order lags of amplifiers and sensors between converters and machine.
+//! Filters of amplifiers and sensors between converters and machine.
 
 use core::f64::consts::TAU;
 
 use nalgebra::{Complex, DMatrix, DVector};
 use shared::LEGS;
 
+use super::filter::{Factor, Filter};
 use super::generalised::Plant;
 use super::partial_fractions::PlantPole;
 use super::response::Terms;
 use super::state_space::INPUTS;
-use crate::machine::Board;
+use crate::machine::{Board, LowerCorner, Sensor};
 
-/// The plant with the lags of amplifiers and sensors, as partial fractions.
+/// The plant with the filters of amplifiers and sensors, as partial fractions.
 #[derive(Clone, Debug)]
 pub(super) struct Lagged {
     pub(super) poles: Vec<PlantPole>,
@@ -29,108 +30,161 @@ impl Lagged {
             direct: plant.state_space.d.clone(),
             slow: plant.slow.clone(),
         };
-        let amplifier = board.actuator_bandwidth.map(|hz| TAU * hz);
-        let bandwidths = board.fed_back().map(|sensor| sensor.bandwidth).enumerate();
-        let lags: Vec<_> = bandwidths
-            .filter_map(|(kind, hz)| Some((kind * LEGS, TAU * hz?)))
-            .collect();
-        let (amplifier, lags) = distinct(amplifier, lags, &plant.poles);
-        let [value, slope] = &mut lagged.slow;
-        // The value and slope of a lag: a/(s + a) = 1 − s/a + ….
-        if let Some(a) = amplifier {
-            let mut slope = slope.columns_mut(LEGS, LEGS);
-            slope -= value.columns(LEGS, LEGS) / a;
-        }
-        for &(first, a) in &lags {
-            let mut slope = slope.rows_mut(first, LEGS);
-            slope -= value.rows(first, LEGS) / a;
-        }
-        let real = |values: DVector<f64>| values.map(Complex::from);
-        let unit = |size, i| real(DVector::from_fn(size, |j, _| f64::from(u8::from(i == j))));
-        // Partial fractions of the product of G(s) and a/(s + a): each residue of G times
-        // a/(λ + a), and the pole −a of the lag with the residue a·G(−a).
-        if let Some(a) = amplifier {
-            let residue = lagged.at(-a) * a;
-            for pole in &mut lagged.poles {
-                let factor = a / (pole.lambda + a);
-                for input in pole.input.iter_mut().skip(LEGS) {
-                    *input *= factor;
-                }
-            }
-            lagged.direct.columns_mut(LEGS, LEGS).fill(0.0);
-            lagged.poles.extend((LEGS..INPUTS).map(|j| PlantPole {
-                lambda: Complex::from(-a),
-                pair: false,
+        let [amplifier, sensors @ ..] = filters(board, &plant.poles);
+        let outputs = lagged.direct.nrows();
+        let pass = |[value, slope]: &mut [DMatrix<f64>; 2], filter: &Filter, at, size| {
+            let [gain, change] = filter.slow();
+            let (mut value, mut slope) = (value.view_mut(at, size), slope.view_mut(at, size));
+            slope *= gain;
+            slope += &value * change;
+            value *= gain;
+        };
+        let kinds = || sensors.iter().zip([0, LEGS]);
+        let unit = |size, i| {
+            let one = DVector::from_fn(size, |j, _| f64::from(u8::from(i == j)));
+            one.map(Complex::from)
+        };
+        // Partial fractions of the product of G(s) and a filter H(s): each residue of G times
+        // H(λ), and each pole p of the filter with its residue times G(p).
+        let mut own = Vec::new();
+        for pole in amplifier.poles() {
+            let residue = lagged.at(pole.at) * pole.residue;
+            own.extend((LEGS..INPUTS).map(|j| PlantPole {
+                lambda: pole.at,
+                pair: pole.pair,
                 input: unit(INPUTS, j),
-                output: real(residue.column(j).into_owned()),
+                output: residue.column(j).into_owned(),
             }));
         }
-        // Residues before any sensor lag is applied, because the two kinds of sensors are in
+        for pole in &mut lagged.poles {
+            let factor = amplifier.at(pole.lambda);
+            for input in pole.input.iter_mut().skip(LEGS) {
+                *input *= factor;
+            }
+        }
+        lagged.poles.append(&mut own);
+        pass(&mut lagged.slow, &amplifier, (0, LEGS), (outputs, LEGS));
+        if amplifier.at_infinity() == 0.0 {
+            lagged.direct.columns_mut(LEGS, LEGS).fill(0.0);
+        }
+        // Residues before any sensor's filter is applied, because the two kinds of sensors are in
         // parallel.
-        let residues: Vec<_> = lags.iter().map(|(_, a)| lagged.at(-a) * *a).collect();
-        for ((first, a), residue) in lags.into_iter().zip(residues) {
+        for (filter, first) in kinds() {
+            for pole in filter.poles() {
+                let residue = lagged.at(pole.at) * pole.residue;
+                own.extend((first..first + LEGS).map(|i| PlantPole {
+                    lambda: pole.at,
+                    pair: pole.pair,
+                    input: residue.row(i).transpose(),
+                    output: unit(outputs, i),
+                }));
+            }
+        }
+        for (filter, first) in kinds().filter(|(filter, _)| !filter.factors.is_empty()) {
             for pole in &mut lagged.poles {
-                let factor = a / (pole.lambda + a);
+                let factor = filter.at(pole.lambda);
                 for output in pole.output.iter_mut().skip(first).take(LEGS) {
                     *output *= factor;
                 }
             }
-            lagged.direct.rows_mut(first, LEGS).fill(0.0);
-            let outputs = lagged.direct.nrows();
-            lagged
-                .poles
-                .extend((first..first + LEGS).map(|i| PlantPole {
-                    lambda: Complex::from(-a),
-                    pair: false,
-                    input: real(residue.row(i).transpose()),
-                    output: unit(outputs, i),
-                }));
+            pass(&mut lagged.slow, filter, (first, 0), (LEGS, INPUTS));
+            if filter.at_infinity() == 0.0 {
+                lagged.direct.rows_mut(first, LEGS).fill(0.0);
+            }
         }
+        lagged.poles.append(&mut own);
         lagged.terms = Terms::new(&lagged.poles);
         lagged
     }
 
-    /// G(s) at a real s, rad/s.
-    fn at(&self, s: f64) -> DMatrix<f64> {
-        let mut sum = self.direct.clone();
+    /// G(s) at `s`, rad/s. Below all poles it is counted from s = 0: then the residue of a slow
+    /// filter agrees with its slope there to the last digits, which cancel far above its corner.
+    fn at(&self, s: Complex<f64>) -> DMatrix<Complex<f64>> {
+        let slow = self.poles.iter().all(|pole| s.norm() < pole.lambda.norm());
+        let mut sum = if slow {
+            let [value, slope] = &self.slow;
+            value.map(Complex::from) + slope.map(|x| x * s)
+        } else {
+            self.direct.map(Complex::from)
+        };
+        let gain = |lambda: Complex<f64>| {
+            let own = (s - lambda).inv();
+            let ratio = s / lambda;
+            if slow { ratio * ratio * own } else { own }
+        };
         for pole in &self.poles {
-            let twice = if pole.pair { 2.0 } else { 1.0 };
-            let part = &pole.output * pole.input.transpose() * (twice / (s - pole.lambda));
-            sum += part.map(|z| z.re);
+            sum += &pole.output * pole.input.transpose() * gain(pole.lambda);
+            if pole.pair {
+                let conjugate = |v: &DVector<Complex<f64>>| v.map(|z| z.conj());
+                let (output, input) = (conjugate(&pole.output), conjugate(&pole.input));
+                sum += output * input.transpose() * gain(pole.lambda.conj());
+            }
         }
         sum
     }
 }
 
-/// The corners, rad/s, of the amplifier's lag and of the sensors', moved apart where partial fractions
-/// need it: poles that are equal have none, and of poles that are close the residues cancel.
+/// The filter of a sensor.
+fn of_sensor(sensor: &Sensor) -> Filter {
+    let lag = sensor.bandwidth.map(|hz| Factor::lag(TAU * hz));
+    let lower = sensor.lower_corner.map(|corner| match corner {
+        LowerCorner::First(hz) => Factor::high_pass(TAU * hz),
+        LowerCorner::Second(hz) => Factor::butterworth_high_pass(TAU * hz),
+    });
+    let resonance = sensor.resonance;
+    let resonance = resonance.map(|peak| Factor::resonance(TAU * peak.hz, peak.damping));
+    Filter {
+        factors: [lag, lower, resonance].into_iter().flatten().collect(),
+    }
+}
+
+/// The filters of the amplifiers and of both kinds of sensors, their poles moved apart where
+/// partial fractions need it: poles that are equal have none, and of poles that are close the
+/// residues cancel.
 ///
-/// An amplifier and a sensor move in opposite directions, so that their product stays the same to
-/// second order, 1e-10. A lag at a pole of the machine moves by a millionth.
-fn distinct(
-    mut amplifier: Option<f64>,
-    mut lags: Vec<(usize, f64)>,
-    poles: &[PlantPole],
-) -> (Option<f64>, Vec<(usize, f64)>) {
+/// Of an amplifier and a sensor with equal lags, one moves up and the other down, so that their
+/// product stays the same to second order, 1e-10. A pole at one of the machine moves by a
+/// millionth.
+fn filters(board: &Board, poles: &[PlantPole]) -> [Filter; 3] {
     const APART: f64 = 1e-5;
     const FROM_POLES: f64 = 1e-6;
-    if let Some(amplifier) = &mut amplifier {
+    let amplifier = board.actuator_bandwidth.map(|hz| Factor::lag(TAU * hz));
+    let mut amplifier = Filter {
+        factors: amplifier.into_iter().collect(),
+    };
+    let mut kinds = [Filter::default(), Filter::default()];
+    for (kind, sensor) in kinds.iter_mut().zip(board.fed_back()) {
+        *kind = of_sensor(sensor);
+    }
+    let close = |a: &Factor, b: &Factor| {
+        let (a, b) = (a.pole(), b.pole());
+        (a - b).norm() < APART * b.norm()
+    };
+    for lag in &mut amplifier.factors {
         // Again if that brings them to the other kind of sensors.
-        while lags.iter().any(|(_, a)| (a - *amplifier).abs() < APART * a) {
-            *amplifier *= 1.0 - APART;
-            for (_, a) in &mut lags {
-                *a /= 1.0 - APART;
+        loop {
+            let own = kinds.iter_mut().flat_map(|kind| &mut kind.factors);
+            let equal: Vec<_> = own.filter(|own| close(lag, own)).collect();
+            if equal.is_empty() {
+                break;
+            }
+            lag.scale(1.0 - APART);
+            for own in equal {
+                own.scale(1.0 / (1.0 - APART));
             }
         }
     }
-    let near = |a: f64| {
-        let close = |pole: &PlantPole| (pole.lambda + a).norm() < FROM_POLES * a;
+    let near = |factor: &Factor| {
+        let at = factor.pole();
+        let close = |pole: &PlantPole| (pole.lambda - at).norm() < FROM_POLES * at.norm();
         poles.iter().any(close)
     };
-    for a in amplifier.iter_mut().chain(lags.iter_mut().map(|(_, a)| a)) {
-        while near(*a) {
-            *a *= 1.0 + FROM_POLES;
+    let all = [&mut amplifier].into_iter().chain(&mut kinds);
+    for factor in all.flat_map(|filter| &mut filter.factors) {
+        while near(factor) {
+            factor.scale(1.0 + FROM_POLES);
         }
     }
-    (amplifier, lags)
+    let [accelerometer, force_sensor] = kinds;
+    [amplifier, accelerometer, force_sensor]
 }

@@ -2,6 +2,7 @@
 //! partial fractions, as frequency responses, and as the board samples it.
 
 pub mod export;
+mod filter;
 pub mod generalised;
 mod lags;
 pub(crate) mod noise;

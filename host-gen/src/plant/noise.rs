@@ -3,12 +3,13 @@
 use nalgebra::DVector;
 use shared::LEGS;
 
-use crate::machine::Board;
+use crate::machine::{Board, Sensor};
 
-/// The power densities of the board's noise, white up to half the sample rate.
+/// The power densities of the board's noise up to half the sample rate; those of the converters
+/// are white.
 pub(crate) struct Noise {
-    /// Of each sensor's own noise, (m/s²)²/Hz or N²/Hz.
-    pub(crate) sensors: DVector<f64>,
+    /// The kinds of sensors that are fed back.
+    kinds: Vec<Sensor>,
     /// Of the ADC referred to each sensor, (m/s²)²/Hz or N²/Hz.
     pub(crate) adc: DVector<f64>,
     /// Of the DAC, N²/Hz.
@@ -22,25 +23,43 @@ impl Noise {
         let nyquist = 0.5 * board.sample_rate;
         let rounding = |lsb: f64| lsb * lsb / 12.0;
         let adc = (board.adc_noise.powi(2) + rounding(board.adc.lsb())) / nyquist;
-        let (sensors, adc): (Vec<_>, Vec<_>) = board
+        let adc = board
             .fed_back()
-            .flat_map(|sensor| {
-                let powers = (
-                    sensor.noise_density.powi(2),
-                    adc / sensor.sensitivity.powi(2),
-                );
-                [powers; LEGS]
-            })
-            .unzip();
+            .flat_map(|sensor| [adc / sensor.sensitivity.powi(2); LEGS])
+            .collect();
         let rounded = if moving {
             rounding(board.dac.lsb())
         } else {
             0.0
         };
         Self {
-            sensors: DVector::from_vec(sensors),
+            kinds: board.fed_back().cloned().collect(),
             adc: DVector::from_vec(adc),
             dac: (board.dac_noise.powi(2) + rounded) / nyquist * board.actuator_gain.powi(2),
         }
     }
+
+    /// The power density of each sensor's own noise at `hz`, Hz, in (m/s²)²/Hz or N²/Hz.
+    pub(crate) fn sensors(&self, hz: f64) -> DVector<f64> {
+        let of_kind = |sensor: &Sensor| [sensor.noise_density.at(hz).powi(2); LEGS];
+        DVector::from_vec(self.kinds.iter().flat_map(of_kind).collect())
+    }
+
+    /// The frequencies at which a density is not smooth, Hz.
+    pub(crate) fn breaks(&self) -> impl Iterator<Item = f64> {
+        let of_kind = |sensor: &'_ Sensor| sensor.noise_density.breaks().collect::<Vec<_>>();
+        self.kinds.iter().flat_map(of_kind)
+    }
+
+    /// d ln density²/d ln hz at `hz`, Hz, of the sensor where it is steepest.
+    pub(crate) fn exponent(&self, hz: f64) -> f64 {
+        let slopes = self.kinds.iter();
+        let slopes = slopes.map(|sensor| 2.0 * sensor.noise_density.slope(hz));
+        slopes.fold(0.0, steeper)
+    }
+}
+
+/// The exponent of the greater magnitude.
+pub(crate) fn steeper(a: f64, b: f64) -> f64 {
+    if b.abs() > a.abs() { b } else { a }
 }

@@ -9,6 +9,7 @@ use super::generalised::Plant;
 use super::lags::Lagged;
 use super::response::{Response, ResponsePart, continuous, contour, gains};
 use crate::machine::Board;
+use crate::numeric::frequencies::pole_peaks;
 
 /// The exact change of one pole's state over a sample period T.
 #[derive(Clone, Copy, Debug)]
@@ -69,8 +70,7 @@ fn phi(n: u32, x: Complex<f64>) -> Complex<f64> {
 /// outputs give the component of the continuous signal at the frequency itself. Samples of an
 /// acceleration would also contain the steps of the held forces.
 ///
-/// Bandwidths of amplifier and sensors are first-order lags here. The continuous plant does not
-/// have them.
+/// The dynamics of amplifiers and sensors are part of it. The continuous plant does not have them.
 #[derive(Clone, Debug)]
 pub struct SampledPlant {
     poles: Vec<SampledPole>,
@@ -81,7 +81,7 @@ pub struct SampledPlant {
     part: f64,
     /// The sample period T, s.
     pub period: f64,
-    /// The continuous plant, without the lags of amplifier and sensors.
+    /// The continuous plant, without the dynamics of amplifiers and sensors.
     pub plant: Plant,
 }
 
@@ -114,8 +114,8 @@ pub(crate) struct ByInput {
 }
 
 impl SampledPlant {
-    /// Samples `plant` with the sample period and the latch delay of `board`, and adds the lags of
-    /// its amplifier and sensors.
+    /// Samples `plant` with the sample period and the latch delay of `board`, and adds the dynamics
+    /// of its amplifiers and sensors.
     pub fn new(plant: Plant, board: &Board) -> Self {
         let period = board.period();
         let periods = board.latch_delay / period;
@@ -166,9 +166,14 @@ impl SampledPlant {
         }
     }
 
-    /// D of the outputs with the lags of amplifier and sensors; columns are floor, then forces.
+    /// D of the outputs with the dynamics of amplifiers and sensors; columns are floor, then forces.
     pub(crate) fn direct(&self) -> &DMatrix<f64> {
         &self.lagged.direct
+    }
+
+    /// The resonances of machine and sensors, as centre and half width, Hz, for a frequency grid.
+    pub fn peaks(&self) -> Vec<(f64, f64)> {
+        pole_peaks(self.lagged.poles.iter().map(|pole| &pole.lambda))
     }
 
     /// The age, in samples, of the newest force that a sample measures: m + 1.

@@ -173,7 +173,7 @@ struct Broken {
 
 impl Broken {
     fn new(study: &Study, table: &ValidTable, defects: &[Defect]) -> Self {
-        let board = study.machine().board;
+        let board = &study.machine().board;
         let drives = &table.get().actuators;
         Self {
             defects: defects.to_vec(),

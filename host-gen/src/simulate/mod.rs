@@ -8,6 +8,7 @@ pub mod faults;
 pub mod rig;
 pub mod run;
 pub mod session;
+mod shaped_noise;
 pub mod software_board;
 
 pub use rig::Rig;

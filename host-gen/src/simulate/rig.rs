@@ -12,6 +12,7 @@ use shared::codes::{AdcCode, DacCode, Samples};
 
 use super::base_motion::BaseMotion;
 use super::blocks::{BLOCK, Blocks};
+use super::shaped_noise::ShapedNoise;
 use crate::floor::Record;
 use crate::machine::{Board, Sensor, Simulation};
 use crate::plant::SampledPlant;
@@ -37,8 +38,7 @@ pub struct Rig {
     /// Forces latched or on their way, the latest first.
     forces: VecDeque<[f64; LEGS]>,
     base_motion: BaseMotion,
-    /// Each kind of sensors with the rms of sensor and ADC together, V.
-    kinds: Vec<(Sensor, f64)>,
+    kinds: Vec<Kind>,
     sensor_noise: ChaCha8Rng,
     output_noise: ChaCha8Rng,
     /// Acceleration of the floor inputs now and at the next sample, m/s².
@@ -48,6 +48,15 @@ pub struct Rig {
     /// Voltage added to the offsets of the sensors from the next sample on, one value for
     /// each channel, the same for both kinds of sensors, V; initially 0.
     pub drift: [f64; LEGS],
+}
+
+/// One kind of sensors.
+struct Kind {
+    sensor: Sensor,
+    /// The rms of the white noise of sensor and ADC together, V.
+    white: f64,
+    /// The sensors' own noise, if it is not white.
+    shaped: Option<ShapedNoise>,
 }
 
 impl Rig {
@@ -76,10 +85,19 @@ impl Rig {
             random.set_stream(number);
             random
         };
-        // White noise of that density up to half the sample rate.
-        let kind = |sensor: Sensor| {
-            let rms = sensor.noise_density * (0.5 * board.sample_rate).sqrt();
-            (sensor, (rms * sensor.sensitivity).hypot(board.adc_noise))
+        let kind = |(i, sensor): (u64, &Sensor)| {
+            let density = &sensor.noise_density;
+            let rate = board.sample_rate;
+            let (white, shaped) = if density.is_white() {
+                (density.rms(rate), None)
+            } else {
+                (0.0, Some(ShapedNoise::new(density, rate, stream(3 + i))))
+            };
+            Kind {
+                sensor: sensor.clone(),
+                white: (white * sensor.sensitivity).hypot(board.adc_noise),
+                shaped,
+            }
         };
         let blank = |rows: usize| vec![[0.0; BLOCK]; rows.div_ceil(BLOCK)];
         Self {
@@ -99,13 +117,13 @@ impl Rig {
             within,
             forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
             base_motion: BaseMotion::noise(settings, plant.period, stream(0)),
-            kinds: board.fed_back().map(kind).collect(),
+            kinds: (0..).zip(board.fed_back()).map(kind).collect(),
             sensor_noise: stream(1),
             output_noise: stream(2),
             floor: [[0.0; LEGS]; 2],
             floor_gain: 1.0,
             drift: [0.0; LEGS],
-            board: *board,
+            board: board.clone(),
             plant,
         }
     }
@@ -134,7 +152,11 @@ impl Rig {
         let mut samples = Samples::from([AdcCode(0); LEGS]);
         let codes = [&mut samples.sensors, &mut samples.forces];
         let values = y.as_flattened().chunks_exact(LEGS);
-        for ((codes, values), (sensor, noise)) in codes.into_iter().zip(values).zip(&self.kinds) {
+        for ((codes, values), kind) in codes.into_iter().zip(values).zip(&mut self.kinds) {
+            let shaped = kind.shaped.as_mut().map(ShapedNoise::sample);
+            let (sensor, noise) = (&kind.sensor, kind.white);
+            let own = shaped.unwrap_or_default();
+            let values = values.iter().zip(own).map(|(value, own)| value + own);
             for ((code, value), drift) in codes.iter_mut().zip(values).zip(self.drift) {
                 let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
                 let offset = sensor.offset + drift;

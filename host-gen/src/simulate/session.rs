@@ -126,7 +126,7 @@ fn name(mode: Mode) -> &'static str {
 
 /// Simulates a session with `table`, on the floor of the machine's simulation settings.
 pub fn history(study: &Study, table: &ValidTable) -> History {
-    let board = study.machine().board;
+    let board = &study.machine().board;
     let samples = |seconds: f64| ((seconds * board.sample_rate).round() as u64).max(1);
     let mut controller = Controller::new(*table, table.checksum(), Memory::none());
     let safe = table.safe_codes();

@@ -18,5 +18,7 @@ mod records;
 mod report;
 mod robustness;
 mod sampled_loop;
+mod sensor_dynamics;
+mod sensor_noise;
 mod soft_start;
 mod spectrum;

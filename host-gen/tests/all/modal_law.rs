@@ -298,7 +298,7 @@ fn a_delay_of_d_samples_takes_d_coefficients() {
             (100e-6, None, 3),
             (130e-6, None, 3),
         ] {
-            let mut board = study.machine().board;
+            let mut board = study.machine().board.clone();
             board.latch_delay = latch_delay;
             board.actuator_bandwidth = bandwidth;
             board.sensor.bandwidth = bandwidth;

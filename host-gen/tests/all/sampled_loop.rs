@@ -10,7 +10,7 @@ use host_gen::control::LinearLaw;
 use host_gen::control::table::direct;
 use host_gen::design::outcome::{Advice, Refusal};
 use host_gen::design::{Design, DesignError, Shaping, Study};
-use host_gen::machine::{Board, Simulation};
+use host_gen::machine::{Board, NoiseDensity, Simulation};
 use host_gen::numeric::singular::largest_singular_value;
 use host_gen::plant::{Gain, StateSpace};
 use host_gen::simulate::run::run;
@@ -18,7 +18,7 @@ use nalgebra::{Complex, DMatrix, Matrix6};
 
 /// e^(At) and the integral of e^(As)·B over t, by one exponential of an
 /// augmented matrix.
-fn hold(a: &DMatrix<f64>, b: &DMatrix<f64>, t: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+pub fn hold(a: &DMatrix<f64>, b: &DMatrix<f64>, t: f64) -> (DMatrix<f64>, DMatrix<f64>) {
     let (n, m) = b.shape();
     let mut augmented = DMatrix::zeros(n + m, n + m);
     augmented.view_mut((0, 0), (n, n)).copy_from(&(a * t));
@@ -552,5 +552,6 @@ fn the_undamped_simulation_keeps_its_energy() {
 
 /// A board that adds nothing of its own.
 fn quiet(board: &mut Board) {
-    (board.adc_noise, board.dac_noise, board.sensor.noise_density) = (0.0, 0.0, 0.0);
+    (board.adc_noise, board.dac_noise) = (0.0, 0.0);
+    board.sensor.noise_density = NoiseDensity::white(0.0);
 }

@@ -7,9 +7,8 @@ use host_gen::analysis::floors::FloorAnalysis;
 use host_gen::closed_loop::SampledLoop;
 use host_gen::closed_loop::budget::{NoiseBudget, both_budgets, budget};
 use host_gen::design::Study;
-use host_gen::floor::Criterion;
-use host_gen::floor::{Floor, Spectrum};
-use host_gen::machine::Simulation;
+use host_gen::floor::{Criterion, Floor, Spectrum};
+use host_gen::machine::{NoiseDensity, Simulation};
 use host_gen::simulate::run::run;
 use nalgebra::{Complex, Vector3};
 
@@ -255,7 +254,7 @@ fn the_budget_is_what_the_simulation_shows() {
         let mut machine = study.machine().clone();
         let board = &mut machine.board;
         // Loud enough that rounding to codes does not count.
-        board.sensor.noise_density = if source == 1 { 2e-6 } else { 0.0 };
+        board.sensor.noise_density = NoiseDensity::white(if source == 1 { 2e-6 } else { 0.0 });
         board.adc_noise = if source == 2 { 4e-3 } else { 0.0 };
         board.dac_noise = if source == 3 { 2e-3 } else { 0.0 };
         let study = &Study::new(machine).unwrap();

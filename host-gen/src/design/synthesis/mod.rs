@@ -35,7 +35,7 @@ use crate::machine::{FeedbackKind, Target};
 use crate::numeric::frequencies::grid;
 use crate::numeric::quadrature::nodes;
 use crate::numeric::six::ComplexMatrix6;
-use crate::plant::noise::Noise;
+use crate::plant::noise::{Noise, steeper};
 use crate::plant::{Gain, Response};
 use crate::progress::Progress;
 
@@ -334,18 +334,19 @@ impl Synthesis<'_> {
         };
         let noise = Noise::new(&machine.board, true);
         // DAC, and sensors with their ADC, each kind by itself.
-        let noises = |response: &Response, rows: Range<usize>| {
+        let noises = |hz: f64, response: &Response, rows: Range<usize>| {
             let by_dac = ComplexMatrix6::identity() * Complex::from(noise.dac.sqrt());
             let from_legs = response.from_legs(rows);
             let mut sources = vec![Source {
                 direct: blocks(&(&from_legs * by_dac)),
                 to_modes: channels(&response.g22(), &by_dac),
             }];
+            let own = noise.sensors(hz);
             for (kind, input) in inputs.iter().enumerate().take(K / LEGS) {
                 let first = kind * LEGS;
                 let mut to_modes = Rows::<K>::zeros();
                 for sensor in 0..LEGS {
-                    let power = noise.sensors[first + sensor] + noise.adc[first + sensor];
+                    let power = own[first + sensor] + noise.adc[first + sensor];
                     let column = input.column(sensor) * Complex::from(power.sqrt());
                     to_modes
                         .fixed_view_mut::<LEGS, 1>(first, sensor)
@@ -406,17 +407,19 @@ impl Synthesis<'_> {
                 let base = plant.base.map(Complex::from);
                 let mut breaks = vec![low, high];
                 let within = |hz: &f64| low < *hz && *hz < high;
-                breaks.extend(floor.breaks().into_iter().filter(within));
+                let given = floor.breaks().into_iter().chain(noise.breaks());
+                breaks.extend(given.filter(within));
                 breaks.extend(measure.breaks([low, high]));
                 breaks.sort_by(f64::total_cmp);
                 breaks.dedup();
-                for (hz, weight) in nodes(&breaks, &singular, |hz| floor.exponent(hz)) {
+                let exponent = |hz: f64| steeper(floor.exponent(hz), noise.exponent(hz));
+                for (hz, weight) in nodes(&breaks, &singular, exponent) {
                     let response = sampled.response(hz);
                     let base =
                         base * ComplexMatrix6::from_diagonal(&floor.motions(hz).map(Complex::from));
                     let rows = plant.performance();
                     let mut sources = vec![shaken(&response, rows.clone(), &base)];
-                    sources.extend(noises(&response, rows.clone()));
+                    sources.extend(noises(hz, &response, rows.clone()));
                     let goal = Goal::Square(weight * measure.weight(hz));
                     points.push(output_of(hz, rows, sources, goal));
                 }
