@@ -11,11 +11,13 @@
 //! | [`schema`] | the JSON Schema of machine files |
 //! | `read` | from TOML values to the file's types |
 //! | `checked` | [`Machine`] and its parts |
+//! | `beam_mass` | mass and segments of a beam, and the nodes that beams hold |
 //! | `validate` | from the file's types to a [`Machine`] |
 //!
 //! What only the arrangement as a whole can show (dependent degrees of freedom, a singular
 //! sensor arrangement) is checked by [`crate::model`], not here.
 
+mod beam_mass;
 mod checked;
 mod error;
 pub mod file;
