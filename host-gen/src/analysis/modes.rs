@@ -32,7 +32,11 @@ pub(crate) struct ModeEntry {
     /// Per body: translation, m, and rotation, rad, of its centre of gravity;
     /// mass-normalised.
     pub(crate) shape: Vec<BodyMotion>,
-    /// The mode shape in the deformations q_d, mass-normalised, m.
+    /// The same per node that no body carries, and per node between the elements of a beam,
+    /// `BEAM[1]` the first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) nodes: Vec<NodeMotion>,
+    /// The mode shape in the degrees of freedom q_d, mass-normalised, m and rad.
     pub(crate) deformations: Vec<f64>,
     #[serde(flatten)]
     pub(crate) energies: Energies,
@@ -50,6 +54,12 @@ pub(crate) struct LegLoad {
 #[derive(Debug, Serialize)]
 pub(crate) struct BodyMotion {
     pub(crate) body: String,
+    pub(crate) motion: Vec<f64>,
+}
+
+#[derive(Debug, Serialize)]
+pub(crate) struct NodeMotion {
+    pub(crate) node: String,
     pub(crate) motion: Vec<f64>,
 }
 
@@ -95,6 +105,23 @@ impl ModeAnalysis {
                                 .collect(),
                         })
                         .collect(),
+                    nodes: study
+                        .model()
+                        .owners()
+                        .iter()
+                        .enumerate()
+                        .skip(machine.bodies.len())
+                        .map(|(six, owner)| NodeMotion {
+                            node: owner.name(machine),
+                            motion: modes
+                                .shapes
+                                .column(i)
+                                .rows(6 * six, 6)
+                                .iter()
+                                .copied()
+                                .collect(),
+                        })
+                        .collect(),
                     deformations: deformations.column(i).iter().copied().collect(),
                 })
                 .collect(),
@@ -110,11 +137,7 @@ impl ModeAnalysis {
                     buckling_load: buckling_load(beam),
                 })
                 .collect(),
-            coordinates: machine
-                .coordinates
-                .iter()
-                .map(|d| machine.deformation_name(*d))
-                .collect(),
+            coordinates: study.model().coordinate_names(machine),
             equation_of_motion: EquationMatrices {
                 mass: rows(&equation.mass),
                 damping: rows(&equation.damping),

@@ -109,6 +109,8 @@ pub enum Carrier {
     Base,
     /// A body, by its index in [`Machine::bodies`].
     Body(usize),
+    /// Nothing: it moves by itself, held by beams.
+    Free,
 }
 
 /// A rigid body.
@@ -143,7 +145,7 @@ impl Body {
     }
 }
 
-/// A massless beam between two nodes.
+/// An Euler–Bernoulli beam between two nodes, with or without mass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Beam {
     /// Name of the beam.
@@ -152,6 +154,12 @@ pub struct Beam {
     pub ends: [usize; 2],
     /// End stiffnesses.
     pub stiffness: Stiffness,
+    /// Mass, kg, evenly spread over the length; 0 for a massless beam.
+    pub mass: f64,
+    /// Moment of inertia about the beam's own axis, kg m², evenly spread over the length.
+    pub polar_inertia: f64,
+    /// Number of equal elements that the beam is divided into, at least 1.
+    pub segments: usize,
     /// Loss factor of the material (no unit).
     pub loss_factor: f64,
     /// Viscous damper along the beam, N s/m.
@@ -160,6 +168,27 @@ pub struct Beam {
     pub axes: Matrix3<f64>,
     /// Length, m.
     pub length: f64,
+}
+
+impl Beam {
+    /// One of `parts` equal parts of the beam, as a beam of one element.
+    ///
+    /// Damper and end nodes are those of the whole: they have no part.
+    pub(crate) fn part(&self, parts: usize) -> Self {
+        let parts = parts as f64;
+        Self {
+            length: self.length / parts,
+            stiffness: Stiffness {
+                axial: self.stiffness.axial * parts,
+                bending: self.stiffness.bending.map(|plane| plane * parts),
+                torsion: self.stiffness.torsion * parts,
+            },
+            mass: self.mass / parts,
+            polar_inertia: self.polar_inertia / parts,
+            segments: 1,
+            ..self.clone()
+        }
+    }
 }
 
 /// End stiffnesses of a beam.

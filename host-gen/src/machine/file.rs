@@ -28,6 +28,7 @@
 //!     gravity: [0.0; 3],
 //!     nodes: Default::default(),
 //!     base: BaseEntry::default(),
+//!     free: FreeEntry::default(),
 //!     bodies: Default::default(),
 //!     profiles: Default::default(),
 //!     beams: Default::default(),
@@ -149,16 +150,19 @@ pub struct MachineFile {
     #[serde(default)]
     pub gravity: [f64; 3],
     /// Position `[x, y, z]` of each node by name, m. Every node moves with one body or with
-    /// the base.
+    /// the base, or is free.
     pub nodes: IndexMap<String, [f64; 3]>,
     /// The rigid base, which moves with the floor.
     pub base: BaseEntry,
+    /// Nodes that neither a body nor the base carries.
+    #[serde(default, skip_serializing_if = "FreeEntry::is_empty")]
+    pub free: FreeEntry,
     /// Rigid bodies by name, at least one.
     pub bodies: IndexMap<String, BodyEntry>,
     /// Stiffness sets by name, for beams that share one.
     #[serde(default)]
     pub profiles: IndexMap<String, ProfileEntry>,
-    /// Massless beams by name, between two nodes each.
+    /// Beams by name, between two nodes each.
     pub beams: IndexMap<String, BeamEntry>,
     /// The degrees of freedom q_d, Eq. (7).
     pub coordinates: CoordinatesEntry,
@@ -219,6 +223,21 @@ pub struct BaseEntry {
     pub nodes: Vec<String>,
 }
 
+/// `[free]`: nodes that move by themselves, held by beams.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FreeEntry {
+    /// Names of the nodes that neither a body nor the base carries. Each has six coordinates of
+    /// its own; beams join it to the rest.
+    pub nodes: Vec<String>,
+}
+
+impl FreeEntry {
+    fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+}
+
 /// `[bodies.NAME]`: a rigid body.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -254,7 +273,7 @@ pub enum Inertia {
 ///
 /// Give either `axial`, `bending` and `torsion`, or material and section
 /// (`youngs_modulus`, `shear_modulus`, `area`, `second_moments`, `torsion_constant`).
-/// `loss_factor` and `damper` go with both.
+/// `loss_factor`, `damper`, `mass` and `segments` go with both, `density` with the latter.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProfileEntry {
@@ -277,11 +296,24 @@ pub struct ProfileEntry {
     /// Loss factor of the material (no unit), not negative. Default: 0. Adds half its mean
     /// over a mode's strain energy to the damping ratio of the mode.
     pub loss_factor: Option<f64>,
-    /// Viscous damper along the beam, N s/m. Not negative. Default: 0.
+    /// Viscous damper along the beam, between its two ends, N s/m. Not negative. Default: 0.
     pub damper: Option<f64>,
+    /// Density of the material, kg/m³. Above 0. Only with material and section; not with `mass`.
+    /// Default: the beam has no mass.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
+    /// Mass of the whole beam, kg, evenly spread over its length. Above 0. Default: the beam has
+    /// no mass.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// Number of equal elements that a beam with mass is divided into, 1 to 100. Its own
+    /// resonances need several. Default: 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 100))]
+    pub segments: Option<usize>,
 }
 
-/// `[beams.NAME]`: a massless Euler–Bernoulli beam.
+/// `[beams.NAME]`: an Euler–Bernoulli beam, massless unless its stiffness set says more.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct BeamEntry {

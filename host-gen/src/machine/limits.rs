@@ -163,6 +163,27 @@ const ALL: &[Limits] = &[
         "N s/m",
         "no damper has more",
     ),
+    limits(
+        "profiles.*.density",
+        1e-3,
+        1e5,
+        "kg/m³",
+        "from a gas to four times osmium",
+    ),
+    limits(
+        "profiles.*.mass",
+        1e-12,
+        1e9,
+        "kg",
+        "from a cell to a building",
+    ),
+    limits(
+        "profiles.*.segments",
+        0.0,
+        100.0,
+        "",
+        "with more, every element is far stiffer than the beam",
+    ),
     limits("beams.*.y_axis", 0.0, 1e6, "", "only its direction counts"),
     limits(
         "sensors.acceleration.*.direction",

@@ -13,11 +13,13 @@
 //! | `noise` | the noise of a sensor over frequency |
 //! | `sensor` | a sensor with its noise and its dynamics |
 //! | `checked` | [`Machine`] and its parts |
+//! | `beam_mass` | mass and segments of a beam, and the nodes that beams hold |
 //! | `validate` | from the file's types to a [`Machine`] |
 //!
 //! What only the arrangement as a whole can show (dependent degrees of freedom, a singular
 //! sensor arrangement) is checked by [`crate::model`], not here.
 
+mod beam_mass;
 mod checked;
 mod error;
 pub mod file;

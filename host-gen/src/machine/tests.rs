@@ -95,6 +95,7 @@ fn frame() -> MachineFile {
         base: BaseEntry {
             nodes: all(&["n9", "n11", "n13", "n15", "n17", "n19"]),
         },
+        free: FreeEntry::default(),
         bodies: [
             (
                 "frame".to_owned(),

@@ -9,6 +9,7 @@ use shared::LEGS;
 use shared::codes::{Adc, Dac};
 use shared::table::{ModelDigest, SECTIONS};
 
+use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
     Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, GainErrors,
     Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
@@ -80,6 +81,7 @@ fn check(file: MachineFile) -> Checked<Machine> {
     let nodes = nodes(&file)?;
     let bodies = bodies(&file.bodies)?;
     let beams = beams(&file, &nodes)?;
+    check_nodes(&nodes, &beams)?;
     let damping = damping(&file.damping, &beams)?;
     let names = Names { nodes, beams };
 
@@ -358,7 +360,7 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
         if carriers[index].is_some() {
             return Err(
                 EntryError::new(entry, format!("node \"{name}\" is listed twice"))
-                    .fix("list it once: a node moves with one body or with the base"),
+                    .fix("list it once: a node moves with one body or with the base, or is free"),
             );
         }
         carriers[index] = Some(carrier);
@@ -366,6 +368,9 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
     };
     for name in &file.base.nodes {
         claim("base.nodes", name, Carrier::Base)?;
+    }
+    for name in &file.free.nodes {
+        claim("free.nodes", name, Carrier::Free)?;
     }
     for (index, (body, spec)) in file.bodies.iter().enumerate() {
         for name in &spec.nodes {
@@ -379,7 +384,7 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
             let entry = format!("nodes.{name}");
             let carrier = carrier.ok_or_else(|| {
                 EntryError::new(&entry, "the node is not attached to anything")
-                    .fix("list it in the nodes of a body or of the base")
+                    .fix("list it in the nodes of a body or of the base, or in free.nodes if only beams hold it")
             })?;
             Ok(Node {
                 name: name.clone(),
@@ -490,10 +495,16 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                     ));
                 }
             };
+            let stiffness = stiffness(&source, profile, length)?;
+            let BeamMass { mass, polar_inertia, segments } =
+                beam_mass(&source, profile, &stiffness, length)?;
             Ok(Beam {
                 name: name.clone(),
                 ends,
-                stiffness: stiffness(&source, profile, length)?,
+                stiffness,
+                mass,
+                polar_inertia,
+                segments,
                 loss_factor: not_negative(&format!("{source}.loss_factor"), profile.loss_factor.unwrap_or(0.0), "")?,
                 damper: not_negative(&format!("{source}.damper"), profile.damper.unwrap_or(0.0), "N s/m")?,
                 axes: axes(&entry, along / length, spec.y_axis.as_ref())?,

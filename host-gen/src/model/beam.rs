@@ -1,8 +1,9 @@
-//! Deformations and stiffness of a massless beam between two nodes.
+//! Deformations, stiffness and mass of a beam between two points.
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, RowVector3, Vector3};
 
-use crate::machine::{Beam, Carrier, Machine};
+use super::layout::{Follow, Point};
+use crate::machine::Beam;
 
 /// −[v]×, 3×3: a rotation φ moves a point at v by φ × v = −[v]×·φ.
 fn lever(v: &Vector3<f64>) -> Matrix3<f64> {
@@ -87,33 +88,76 @@ pub(crate) fn stiffness_factor(beam: &Beam) -> DMatrix<f64> {
     f
 }
 
-/// The deformations e1 to e6 of a beam, m, from body coordinates, 6×6n for n bodies.
+/// Consistent mass matrix of a beam of one element, 12×12, kg, kg m and kg m², for the motions of
+/// its ends, each a translation, m, and a rotation, rad.
 ///
-/// Ends on the base do not move.
-pub(crate) fn deformations_from_bodies(machine: &Machine, beam: &Beam) -> DMatrix<f64> {
-    let ends = beam_deformations(beam);
-    let mut rows = DMatrix::zeros(6, 6 * machine.bodies.len());
-    for (end, &node) in beam.ends.iter().enumerate() {
-        let node = &machine.nodes[node];
-        if let Carrier::Body(body) = node.carrier {
-            let mut block = rows.columns_mut(6 * body, 6);
-            block += ends.columns(6 * end, 6) * transport(&node.at, &machine.bodies[body].cog);
+/// That of the shapes that the elastic beam takes between its ends: linear along and about its
+/// axis, cubic across. The beam is a line with a moment of inertia about it: the rotation of its
+/// sections about the other axes has none (Euler–Bernoulli).
+pub(crate) fn beam_mass(beam: &Beam) -> DMatrix<f64> {
+    let mut local = DMatrix::zeros(12, 12);
+    for (axis, whole) in [(0, beam.mass), (3, beam.polar_inertia)] {
+        let ends = [axis, 6 + axis];
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            local[(ends[i], ends[j])] = whole / if i == j { 3.0 } else { 6.0 };
+        }
+    }
+    // For the deflections, and the slopes times the length.
+    const CUBIC: [[f64; 4]; 4] = [
+        [156.0, 22.0, 54.0, -13.0],
+        [22.0, 4.0, 13.0, -3.0],
+        [54.0, 13.0, 156.0, -22.0],
+        [-13.0, -3.0, -22.0, 4.0],
+    ];
+    // The slope of y is a rotation about z, that of z one about −y.
+    for (across, about, sign) in [(1, 5, 1.0), (2, 4, -1.0)] {
+        let slope = sign * beam.length;
+        let places = [
+            (across, 1.0),
+            (about, slope),
+            (6 + across, 1.0),
+            (6 + about, slope),
+        ];
+        for (row, (i, a)) in CUBIC.iter().zip(places) {
+            for (entry, (j, b)) in row.iter().zip(places) {
+                local[(i, j)] = beam.mass / 420.0 * a * b * entry;
+            }
+        }
+    }
+    let axes = own_axes(beam);
+    axes.transpose() * local * axes
+}
+
+/// The motions of a beam's ends in its own axes, 12×12, from those in the axes of the file.
+pub(crate) fn own_axes(beam: &Beam) -> DMatrix<f64> {
+    DMatrix::from_fn(12, 12, |i, j| {
+        if i / 3 == j / 3 {
+            beam.axes[(i % 3, j % 3)]
+        } else {
+            0.0
+        }
+    })
+}
+
+/// The deformations e1 to e6, m, of a beam between the points `ends`, from N coordinates, 6×N.
+pub(crate) fn deformations(beam: &Beam, ends: &[Point], size: usize) -> DMatrix<f64> {
+    let of_ends = beam_deformations(beam);
+    let mut rows = DMatrix::zeros(6, size);
+    for (end, point) in ends.iter().enumerate() {
+        if let Some(Follow { first, map }) = point.follow {
+            let mut block = rows.columns_mut(first, 6);
+            block += of_ends.columns(6 * end, 6) * map;
         }
     }
     rows
 }
 
-/// The motions of both ends of a beam from body coordinates, 12×`size`.
-///
-/// The motion of an end is its translation, m, and its rotation, rad. Ends on the base do not
-/// move.
-pub(crate) fn end_motions(machine: &Machine, beam: &Beam, size: usize) -> DMatrix<f64> {
-    let mut rows = DMatrix::zeros(12, size);
-    for (end, &node) in beam.ends.iter().enumerate() {
-        let node = &machine.nodes[node];
-        if let Carrier::Body(body) = node.carrier {
-            rows.view_mut((6 * end, 6 * body), (6, 6))
-                .copy_from(&transport(&node.at, &machine.bodies[body].cog));
+/// The motions of `points` from N coordinates, 6 rows for each point.
+pub(crate) fn motions(points: &[Point], size: usize) -> DMatrix<f64> {
+    let mut rows = DMatrix::zeros(6 * points.len(), size);
+    for (i, point) in points.iter().enumerate() {
+        if let Some(Follow { first, map }) = point.follow {
+            rows.view_mut((6 * i, first), (6, 6)).copy_from(&map);
         }
     }
     rows

@@ -148,8 +148,8 @@ fn canonical(squares: &DVector<f64>, shapes: &mut DMatrix<f64>) {
     });
 }
 
-/// The rows of the accelerometers, 6×6n: their positions along their directions, m, from body
-/// coordinates, with the base at rest. `None` without accelerometers.
+/// The rows of the accelerometers, 6×N: their positions along their directions, m, from the
+/// machine's coordinates, with the base at rest. `None` without accelerometers.
 fn accelerometer_rows(machine: &Machine, model: &Multibody) -> Option<Matrix6xX<f64>> {
     let sensors = machine.accelerometers.as_ref()?;
     let rows = sensors.each_ref().map(|sensor| {
@@ -265,7 +265,7 @@ pub struct Suspension {
     pub stiffness: Matrix6<f64>,
     /// M_r of Eq. (13), 6×6, kg, for the floor inputs q̈_r.
     pub rheonomic: Matrix6<f64>,
-    /// Φ, 6n×6 for n bodies: motion of the bodies in body coordinates from q_s, m/m and rad/m.
+    /// Φ, N×6: motion x of the machine from q_s, m/m and rad/m.
     pub shapes: MatrixXx6<f64>,
     /// ω² of the six modes, rad²/s², ascending.
     squares: DVector<f64>,
@@ -296,7 +296,8 @@ impl Suspension {
     /// # Errors
     /// If the elongations of the six legs do not determine the motion.
     pub fn new(machine: &Machine, model: &Multibody) -> Result<Self, MachineError> {
-        let rigid = Self::along(model, Reduction::Rigid, model.ride.clone());
+        let rigid = model.as_one_body();
+        let rigid = rigid.and_then(|shapes| Self::along(model, Reduction::Rigid, shapes));
         let independent = dependent(
             &to_dynamic(&(&model.elongations * &model.ride)),
             reach(machine),
@@ -336,7 +337,7 @@ impl Suspension {
         found.ok_or_else(|| singular_legs(machine, independent.unwrap_or(0)))
     }
 
-    /// The machine that moves as a combination of six `shapes`, 6n×6 in body coordinates. `None`
+    /// The machine that moves as a combination of six `shapes`, N×6. `None`
     /// if the legs' elongations do not determine the combination.
     fn along(model: &Multibody, reduction: Reduction, shapes: MatrixXx6<f64>) -> Option<Self> {
         let elongations: Matrix6<f64> = &model.elongations * &shapes;
@@ -348,7 +349,7 @@ impl Suspension {
         let back = inverse.transpose();
         let mass = shapes.transpose() * &model.mass * &shapes;
         let stiffness = shapes.transpose() * &model.stiffness * &shapes;
-        let rheonomic = shapes.transpose() * &model.mass * &model.ride * model.floor_inverse();
+        let rheonomic = model.momentum(&shapes.transpose()) * model.floor_inverse();
         let mass = back * mass * inverse;
         let stiffness = back * stiffness * inverse;
         let (squares, _) = generalised_eigen(&to_dynamic(&stiffness), &to_dynamic(&mass))?;

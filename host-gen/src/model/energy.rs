@@ -1,10 +1,11 @@
 //! The energy of each mode by beam and body, and the kind of mode that follows from it.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Matrix3xX};
 use serde::Serialize;
 
-use super::beam::{deformations_from_bodies, stiffness_factor, transport};
+use super::beam::beam_mass;
 use super::design_model::alike;
+use super::layout::Point;
 use super::multibody::{Modes, Multibody};
 use crate::machine::{Carrier, Machine};
 
@@ -13,7 +14,8 @@ use crate::machine::{Carrier, Machine};
 pub struct Share {
     /// The name of the beam or body in the machine file.
     pub name: String,
-    /// Share of the energy, 0 to 1. The shares of all beams, or of all bodies, add up to 1.
+    /// Share of the energy, 0 to 1. All shares of the strain energy add up to 1, and so do those of
+    /// the kinetic energy.
     pub share: f64,
 }
 
@@ -38,12 +40,14 @@ pub struct Energies {
     /// Modal mass, kg: the mass with the mode's kinetic energy if it moves as the point with the
     /// largest motion does.
     ///
-    /// The points are the nodes, the centres of gravity, and, for the rotation of each body, a
+    /// The points are the nodes, those along beams with mass, and there, for the rotation about the
+    /// beam's axis, one at its radius of gyration from it; the centres of gravity, and, for the rotation of each body, a
     /// point at its radius of gyration from the axis.
     pub modal_mass: f64,
     /// Share of each beam in the elastic strain energy, in the order of the machine's beams.
     pub strain: Vec<Share>,
-    /// Share of each body in the kinetic energy, in the order of the machine's bodies.
+    /// Share of each body in the kinetic energy, in the order of the machine's bodies; then that
+    /// of each beam with mass, in the order of its beams.
     pub kinetic: Vec<Share>,
 }
 
@@ -51,11 +55,8 @@ pub struct Energies {
 ///
 /// Strain energy is elastic: it does not contain the geometric part that gravity adds.
 pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Energies> {
-    let beams: Vec<_> = machine
-        .beams
-        .iter()
-        .map(|beam| stiffness_factor(beam) * deformations_from_bodies(machine, beam))
-        .collect();
+    let beams = 0..machine.beams.len();
+    let beams: Vec<_> = beams.map(|beam| model.strain(beam)).collect();
     let groups = alike(modes.squares.as_slice()).into_iter();
     groups
         .flat_map(|group| {
@@ -67,7 +68,7 @@ pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Ener
 }
 
 /// The mean energies of modes with equal frequencies. `beams` are the factors of their strain
-/// energies, and `shapes` the mass-normalised mode shapes in body coordinates as columns.
+/// energies, and `shapes` the mass-normalised mode shapes as columns.
 fn of_group(
     machine: &Machine,
     model: &Multibody,
@@ -88,28 +89,55 @@ fn of_group(
         .sum();
     let kinetic = machine.bodies.iter().enumerate().map(|(i, body)| {
         let part = shapes.rows(6 * i, 6);
-        let mass = model.mass.view((6 * i, 6 * i), (6, 6));
-        // VᵀMV = 1, so these add up to 1 without scaling.
+        let mut mass = DMatrix::zeros(6, 6);
+        mass.fill_diagonal(body.mass);
+        mass.view_mut((3, 3), (3, 3)).copy_from(&body.inertia);
+        // VᵀMV = 1, so all shares add up to 1 without scaling.
         Share {
             name: body.name.clone(),
             share: (part.transpose() * mass * part).trace() / shapes.ncols() as f64,
         }
     });
-    // Over all mixtures of the shapes, a point moves at most by the largest singular value.
-    let most = |motion: DMatrix<f64>| motion.singular_values().max();
-    let of_nodes = machine.nodes.iter().filter_map(|node| match node.carrier {
-        Carrier::Base => None,
-        Carrier::Body(body) => {
-            let arm = transport(&node.at, &machine.bodies[body].cog);
-            Some(most(arm.rows(0, 3) * shapes.rows(6 * body, 6)))
+    let heavy = machine.beams.iter().enumerate();
+    let heavy = heavy.filter(|(_, beam)| beam.mass > 0.0);
+    let of_beams = heavy.map(|(i, beam)| {
+        let mass = beam_mass(&beam.part(beam.segments));
+        let points = model.along(machine, i);
+        let energies = points.windows(2).map(|ends| {
+            let mut part = DMatrix::zeros(12, shapes.ncols());
+            for (end, point) in ends.iter().enumerate() {
+                part.rows_mut(6 * end, 6).copy_from(&point.motion(shapes));
+            }
+            (part.transpose() * &mass * part).trace()
+        });
+        Share {
+            name: beam.name.clone(),
+            share: energies.sum::<f64>() / shapes.ncols() as f64,
         }
     });
-    let of_bodies = machine.bodies.iter().enumerate().flat_map(|(i, body)| {
-        let motion = shapes.rows(6 * i, 6);
-        let turned = body.gyration() * motion.rows(3, 3);
-        [most(motion.rows(0, 3).into_owned()), most(turned)]
+    // Over all mixtures of the shapes, a point moves at most by the largest singular value.
+    let most = |motion: Matrix3xX<f64>| motion.singular_values().max();
+    let translation = |point: &Point| most(point.motion(shapes).fixed_rows::<3>(0).into_owned());
+    let of_nodes = (0..machine.nodes.len()).map(|node| translation(model.node(node)));
+    let heavy = machine.beams.iter().enumerate();
+    let heavy = heavy.filter(|(_, beam)| beam.mass > 0.0);
+    let of_skins = heavy.flat_map(|(i, beam)| {
+        let gyration = (beam.polar_inertia / beam.mass).sqrt();
+        let axis = beam.axes.row(0);
+        let points = model.along(machine, i);
+        points.into_iter().map(move |point| {
+            let motion = point.motion(shapes);
+            let turned = gyration * axis * motion.fixed_rows::<3>(3);
+            turned.norm().max(translation(&point))
+        })
     });
-    let largest = of_nodes.chain(of_bodies).fold(0.0, f64::max);
+    let of_bodies = machine.bodies.iter().enumerate().flat_map(|(i, body)| {
+        let motion = shapes.fixed_rows::<6>(6 * i);
+        let turned = body.gyration() * motion.fixed_rows::<3>(3);
+        [most(motion.fixed_rows::<3>(0).into_owned()), most(turned)]
+    });
+    let largest = of_nodes.chain(of_skins).chain(of_bodies);
+    let largest = largest.fold(0.0, f64::max);
     Energies {
         kind: if in_legs >= 0.5 * total {
             Kind::Suspension
@@ -117,7 +145,7 @@ fn of_group(
             Kind::Internal
         },
         modal_mass: 1.0 / (largest * largest),
-        kinetic: kinetic.collect(),
+        kinetic: kinetic.chain(of_beams).collect(),
         strain: machine
             .beams
             .iter()

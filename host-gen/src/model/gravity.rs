@@ -6,28 +6,29 @@
 //! motion if both ends are clamped, and bending moments couple twist and lateral bending. And a
 //! body that rotates moves the points at which forces act on it.
 //!
-//! A beam has no mass, so its inner points are in equilibrium at any time. A loaded beam is divided
-//! into elements and reduced to its two ends, which gives the stiffness near buckling, too.
+//! The inner points of a beam without mass are in equilibrium at any time. A loaded beam is divided
+//! into parts and reduced to its two ends, which gives the stiffness near buckling, too. So is each
+//! element of a beam with mass, whose weight acts on the element's ends.
 
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Matrix3, RowDVector, Vector3};
 
 use super::beam::{
-    beam_deformations, deformation_stiffness, deformations_from_bodies, end_motions,
+    beam_deformations, beam_mass, deformation_stiffness, deformations, motions, own_axes,
 };
-use crate::machine::{Beam, Carrier, Machine, Stiffness};
+use super::layout::{Follow, Layout, Owner};
+use crate::machine::{Beam, Machine};
 
 /// Static loads under gravity and their geometric stiffness.
 #[derive(Clone, Debug, Default)]
 pub struct Statics {
-    /// Axial force of each beam, in the order of the machine's beams, N, tension positive. Empty
-    /// without gravity.
+    /// Axial force of each beam, in the order of the machine's beams, N, tension positive: its mean
+    /// over the length, if the beam has mass. Empty without gravity.
     pub axial: Vec<f64>,
     /// For each beam, in the order of the machine's beams, whether it buckles between its ends
     /// under its axial force and its moments. Empty without gravity.
     pub buckled: Vec<bool>,
-    /// Geometric stiffness in body coordinates, 6n×6n for n bodies, N/m, N and N m. Empty without
-    /// gravity.
+    /// Geometric stiffness in the N coordinates, N×N, N/m, N and N m. Empty without gravity.
     pub geometric: DMatrix<f64>,
 }
 
@@ -47,33 +48,51 @@ pub fn buckling_load(beam: &Beam) -> Option<f64> {
 }
 
 impl Statics {
-    /// The loads of `machine` under its gravity, from its static displacement `sag` in body
-    /// coordinates, 6n for n bodies.
-    pub(crate) fn new(machine: &Machine, sag: &DVector<f64>) -> Self {
+    /// The loads of `machine` under its gravity, from its static displacement `sag` in its
+    /// coordinates.
+    ///
+    /// Each element of a beam is loaded by its own deformation. Its weight acts on its ends, as
+    /// in [`Multibody`](super::multibody::Multibody).
+    pub(crate) fn new(machine: &Machine, layout: &Layout, sag: &DVector<f64>) -> Self {
         let size = sag.len();
         let mut geometric = DMatrix::zeros(size, size);
         let mut axial = Vec::new();
         let mut buckled = Vec::new();
-        for beam in &machine.beams {
-            let rows = deformations_from_bodies(machine, beam);
-            let deformation = &rows * sag;
-            let stress = deformation_stiffness(beam) * &deformation;
-            axial.push(stress[0]);
-            let ends = end_motions(machine, beam, size);
-            let (of_ends, holds) = beam_geometric(beam, &stress);
-            geometric += ends.transpose() * of_ends * &ends;
-            buckled.push(!holds);
-            // Forces of the beam's ends on the bodies.
-            let push = -(beam_deformations(beam).transpose() * stress);
-            for (end, &node) in beam.ends.iter().enumerate() {
-                let node = &machine.nodes[node];
-                if let Carrier::Body(body) = node.carrier {
-                    let arm = node.at - machine.bodies[body].cog;
-                    let push: Vector3<f64> = push.fixed_rows::<3>(6 * end).into_owned();
-                    let mut block = geometric.fixed_view_mut::<3, 3>(6 * body + 3, 6 * body + 3);
-                    block += turned_arm(&push, &arm);
+        for (i, beam) in machine.beams.iter().enumerate() {
+            let whole = deformations(beam, &layout.ends(machine, i), size) * sag;
+            axial.push((deformation_stiffness(beam) * whole)[0]);
+            let points = layout.along(machine, i);
+            let part = beam.part(beam.segments);
+            let mut holds = true;
+            for ends in points.windows(2) {
+                let deformation = deformations(&part, ends, size) * sag;
+                let stress = deformation_stiffness(&part) * &deformation;
+                let motions = motions(ends, size);
+                let (of_ends, part_holds) = beam_geometric(&part, &stress);
+                geometric += motions.transpose() * of_ends * &motions;
+                holds &= part_holds;
+                // Forces of the element's ends on what they move with.
+                let mut push = -(beam_deformations(&part).transpose() * stress);
+                if part.mass > 0.0 {
+                    let falls = DVector::from_fn(12, |i, _| match i % 6 {
+                        axis @ 0..3 => machine.gravity[axis],
+                        _ => 0.0,
+                    });
+                    push += beam_mass(&part) * falls;
+                }
+                for (end, point) in ends.iter().enumerate() {
+                    // The lever of the point is its place on the body.
+                    if let Some(Follow { first, .. }) = point.follow
+                        && let Owner::Body(body) = layout.owner(first)
+                    {
+                        let arm = point.at - machine.bodies[body].cog;
+                        let push: Vector3<f64> = push.fixed_rows::<3>(6 * end).into_owned();
+                        let mut block = geometric.fixed_view_mut::<3, 3>(first + 3, first + 3);
+                        block += turned_arm(&push, &arm);
+                    }
                 }
             }
+            buckled.push(!holds);
         }
         Self {
             axial,
@@ -98,13 +117,7 @@ fn turned_arm(push: &Vector3<f64>, arm: &Vector3<f64>) -> Matrix3<f64> {
 /// A beam without stiffness against bending or twist is one element: a plane without bending
 /// stiffness stays straight, as in a bar with hinged ends.
 fn beam_geometric(beam: &Beam, stress: &DVector<f64>) -> (DMatrix<f64>, bool) {
-    let local = DMatrix::from_fn(12, 12, |i, j| {
-        if i / 3 == j / 3 {
-            beam.axes[(i % 3, j % 3)]
-        } else {
-            0.0
-        }
-    });
+    let local = own_axes(beam);
     let [y, z] = beam.stiffness.bending;
     let (of_ends, holds) = if y > 0.0 && z > 0.0 && beam.stiffness.torsion > 0.0 {
         divided(beam, stress)
@@ -122,14 +135,8 @@ fn beam_geometric(beam: &Beam, stress: &DVector<f64>) -> (DMatrix<f64>, bool) {
 fn divided(beam: &Beam, stress: &DVector<f64>) -> (DMatrix<f64>, bool) {
     let inner = 6 * (PARTS - 1);
     let part = Beam {
-        length: beam.length / PARTS as f64,
         axes: Matrix3::identity(),
-        stiffness: Stiffness {
-            axial: beam.stiffness.axial * PARTS as f64,
-            bending: beam.stiffness.bending.map(|plane| plane * PARTS as f64),
-            torsion: beam.stiffness.torsion * PARTS as f64,
-        },
-        ..beam.clone()
+        ..beam.part(PARTS)
     };
     let elastic = beam_deformations(&part);
     let elastic = elastic.transpose() * deformation_stiffness(&part) * elastic;
@@ -264,6 +271,7 @@ fn element(length: f64, bends: [bool; 2], stress: [f64; 6]) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::Stiffness;
 
     /// Turning the whole element does no work: the second-order deformations of a rotation ω about
     /// the origin are zero, with the ends at x = 0 and x = L.
@@ -279,6 +287,9 @@ mod tests {
                 bending: [1.0; 2],
                 torsion: 1.0,
             },
+            mass: 0.0,
+            polar_inertia: 0.0,
+            segments: 1,
             loss_factor: 0.0,
             damper: 0.0,
             axes: Matrix3::identity(),

@@ -6,5 +6,7 @@ pub mod design_model;
 pub mod energy;
 pub mod gravity;
 pub mod independence;
+mod inertia;
+pub(crate) mod layout;
 pub mod multibody;
 pub mod template;

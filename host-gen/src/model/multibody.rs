@@ -1,136 +1,115 @@
 //! The linear multibody model: rigid bodies and Euler–Bernoulli beams on a moving base.
 //!
-//! Body coordinates x are, for each body, the translation of its centre of gravity, m, and its
-//! rotation, rad, both relative to a frame that moves with the base. n bodies have 6n
-//! coordinates. The base motion b is the translation of its point at C, m, and its rotation, rad;
+//! The coordinates x are, for each body, the translation of its centre of gravity, m, and its
+//! rotation, rad, both relative to a frame that moves with the base. After them come the
+//! translation, m, and the rotation, rad, of each node that no body carries, in the order of the
+//! file, and of the nodes between the elements of beams with mass, beam by beam, from P to Q:
+//! N coordinates in all, 6n if there are n bodies and nothing else.
+//! The base motion b is the translation of its point at C, m, and its rotation, rad;
 //! C is the mean position of the nodes.
-//! The absolute motion of the bodies is x + Φ·b, and deformations depend on x alone. So Eq. (1)
+//! The absolute motion of the machine is x + Φ·b, and deformations depend on x alone. So Eq. (1)
 //! becomes
 //!
 //! ```text
-//! M·ẍ + D·ẋ + K·x = −M·Φ·b̈ + Eᵀ·σ
+//! M·ẍ + D·ẋ + K·x = −P·b̈ + Eᵀ·σ,  P = M·Φ + M_b
 //! ```
 //!
-//! with the leg forces σ, N, and the elongations E·x of the legs. The degrees of freedom
-//! q_d = E_d·x, Eq. (7), and the floor inputs q_r = R·b, Eq. (8), turn this into Eq. (2).
+//! with the leg forces σ, N, and the elongations E·x of the legs. M_b is the inertia that couples
+//! x to the base itself: that of beams with mass that end on it. The degrees of freedom
+//! q_d = E_d·x, Eq. (7), and the floor inputs q_r = R·b, Eq. (8), turn this into Eq. (2). Those of
+//! the coordinates that are not of bodies are degrees of freedom as they are.
+//!
+//! A leg force is that of a stack along the whole leg, whose material is strained evenly: equal and
+//! opposite forces at the two ends of every element. Those at inner nodes cancel, so that one pair
+//! at the ends of the leg remains, as for a leg without mass. Likewise a force sensor reads the
+//! mean axial force along the leg, σ − (EA/L)·e1 − c·ė1 with the elongation e1 between its ends.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Matrix6xX, MatrixXx6, RowVector6, Vector3};
+use core::ops::Range;
 
-use super::beam::{deformation_stiffness, deformations_from_bodies, stiffness_factor, transport};
+use nalgebra::allocator::Allocator;
+use nalgebra::{
+    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix3, Matrix6, Matrix6xX, MatrixXx6, OMatrix,
+    RowVector6, U6, Vector3,
+};
+
+use super::beam::{
+    beam_mass, deformation_stiffness, deformations, motions, stiffness_factor, transport,
+};
 use super::gravity::Statics;
 use super::independence::{INDEPENDENT, centre, dependent, follows_from, reach};
+use super::inertia::Inertia;
+use super::layout::{Layout, Owner, Point};
 use crate::machine::{Carrier, Damping, Deformation, Direction, EntryError, Machine, MachineError};
 use crate::numeric::eigen::factored_eigen;
 use crate::numeric::six::to_dynamic;
 
-/// The linear model of a machine with n bodies, Eq. (1), in body coordinates.
+/// The linear model of a machine with N coordinates, Eq. (1).
 #[derive(Clone, Debug)]
 pub struct Multibody {
-    /// M of Eq. (1) in body coordinates, 6n×6n, kg and kg m².
+    /// M of Eq. (1), N×N, kg, kg m and kg m².
     pub mass: DMatrix<f64>,
-    /// K of Eq. (1) in body coordinates, 6n×6n, N/m, N and N m: elastic, plus the geometric
-    /// stiffness under gravity.
+    /// K of Eq. (1), N×N, N/m, N and N m: elastic, plus the geometric stiffness under gravity.
     pub stiffness: DMatrix<f64>,
     /// Static loads under gravity and their geometric stiffness; empty without gravity.
     pub statics: Statics,
-    /// Dampers along beams, in body coordinates, 6n×6n, N s/m, N s and N m s.
+    /// Dampers along beams, N×N, N s/m, N s and N m s.
     dampers: DMatrix<f64>,
-    /// Σ η·K over the beams with loss factor η, in body coordinates, 6n×6n.
+    /// Σ η·K over the beams with loss factor η, N×N.
     losses: DMatrix<f64>,
     damping: Damping,
-    /// Φ, 6n×6: motion of the bodies from the motion of the base if no beam deforms. The base
+    /// Φ, N×6: motion of the machine from the motion of the base if nothing deforms. The base
     /// motion is the translation at C, the mean position of the nodes, m, and the rotation, rad.
     pub ride: MatrixXx6<f64>,
+    /// M_b, N×6, kg, kg m and kg m²; `None` where no beam with mass ends on the base.
+    footing: Option<MatrixXx6<f64>>,
     /// R, 6×6: displacements q_r of the floor inputs, m, from base motion, that is, the
     /// translation at C, m, and the rotation, rad. Between their accelerations, of which q̈_r is
     /// Eq. (8), the matrix is the same.
     pub floor: Matrix6<f64>,
-    /// E_d, 6n×6n: the degrees of freedom q_d of Eq. (7), m, from body coordinates.
+    /// E_d, N×N: the degrees of freedom q_d of Eq. (7) from x. The deformations of the file, m,
+    /// then the coordinates that are not of bodies, m and rad.
     pub coordinates: DMatrix<f64>,
-    /// E, 6×6n: elongations e1 of the legs, m, from body coordinates. Rows are in the order of
-    /// the actuators.
+    /// E, 6×N: elongations e1 of the legs, m, from x. Rows are in the order of the actuators.
     pub elongations: Matrix6xX<f64>,
     /// C, m: the reference point of rigid motions.
     centre: Vector3<f64>,
-    /// B, with BᵀB the elastic stiffness in body coordinates: six rows for each beam, √(N/m).
+    layout: Layout,
+    /// B, with BᵀB the elastic stiffness: six rows for each element of each beam, √(N/m).
     factor: DMatrix<f64>,
+    /// The rows of B of each beam.
+    rows: Vec<Range<usize>>,
     inertia: Inertia,
     /// ω² and V, as in [`Modes`].
     eigen: (DVector<f64>, DMatrix<f64>),
 }
 
-/// Body coordinates, with and without inertia.
-#[derive(Clone, Debug)]
-struct Inertia {
-    /// X as columns, with XᵀMX = 1.
-    with: DMatrix<f64>,
-    /// The rotations without inertia, of point masses and thin rods, as columns.
-    without: DMatrix<f64>,
-}
-
-/// A principal moment of inertia, relative to the body's largest one and to its mass times the
-/// square of the machine's size, that counts as zero.
-const NO_INERTIA: f64 = 1e-12;
-
-impl Inertia {
-    fn new(machine: &Machine) -> Self {
-        let size = 6 * machine.bodies.len();
-        let length = reach(machine);
-        let (mut with, mut without) = (Vec::new(), Vec::new());
-        for (i, body) in machine.bodies.iter().enumerate() {
-            for axis in 0..3 {
-                let mut column = DVector::zeros(size);
-                column[6 * i + axis] = 1.0 / body.mass.sqrt();
-                with.push(column);
-            }
-            let (moments, axes) = body.principal();
-            let scale = moments.amax().max(body.mass * length * length);
-            for (moment, axis) in moments.iter().zip(axes.column_iter()) {
-                let none = *moment <= NO_INERTIA * scale;
-                let mut column = DVector::zeros(size);
-                let size = if none { 1.0 } else { moment.sqrt() };
-                column.rows_mut(6 * i + 3, 3).copy_from(&(axis / size));
-                if none { &mut without } else { &mut with }.push(column);
-            }
-        }
-        let columns = |all: Vec<DVector<f64>>| match &all[..] {
-            [] => DMatrix::zeros(size, 0),
-            all => DMatrix::from_columns(all),
-        };
-        Self {
-            with: columns(with),
-            without: columns(without),
-        }
-    }
-}
-
-/// The matrices of Eq. (2), for n bodies: M_d·q̈_d + D_d·q̇_d + K_d·q_d = −M_r·q̈_r + B_0·σ_a.
+/// The matrices of Eq. (2), for N coordinates: M_d·q̈_d + D_d·q̇_d + K_d·q_d = −M_r·q̈_r + B_0·σ_a.
 #[derive(Clone, Debug)]
 pub struct EquationOfMotion {
-    /// M_d of Eq. (2), 6n×6n, kg.
+    /// M_d of Eq. (2), N×N, kg, and kg m and kg m² for rotations in q_d.
     pub mass: DMatrix<f64>,
-    /// D_d of Eq. (2), 6n×6n, N s/m.
+    /// D_d of Eq. (2), N×N, N s/m, and N s and N m s.
     pub damping: DMatrix<f64>,
-    /// K_d of Eq. (2), 6n×6n, N/m.
+    /// K_d of Eq. (2), N×N, N/m, and N and N m.
     pub stiffness: DMatrix<f64>,
-    /// M_r of Eq. (2), 6n×6, kg: for the floor accelerations q̈_r, m/s².
+    /// M_r of Eq. (2), N×6, kg and kg m: for the floor accelerations q̈_r, m/s².
     pub rheonomic: MatrixXx6<f64>,
-    /// B_0 of Eq. (2), 6n×6, without unit: for the leg forces σ_a, N, in the order of the
+    /// B_0 of Eq. (2), N×6, without unit: for the leg forces σ_a, N, in the order of the
     /// actuators. A positive force makes the leg longer.
     pub input: MatrixXx6<f64>,
 }
 
-/// The undamped modes of a machine with n bodies, and the damping in modal coordinates.
+/// The undamped modes of a machine with N coordinates, and the damping in modal coordinates.
 ///
-/// There are 6n modes, less one for each rotation without inertia: these follow the others
+/// There are N modes, less one for each motion without inertia: these follow the others
 /// without a motion of their own.
 #[derive(Clone, Debug)]
 pub struct Modes {
-    /// ω², rad²/s², 6n, ascending; negative for a mode that gravity makes unstable.
+    /// ω², rad²/s², one for each mode, ascending; negative for a mode that gravity makes unstable.
     pub squares: DVector<f64>,
-    /// V, 6n×6n: mode shapes in body coordinates as columns, with VᵀMV = 1.
+    /// V, N rows: mode shapes as columns, with VᵀMV = 1.
     pub shapes: DMatrix<f64>,
-    /// Δ = VᵀDV, 6n×6n, 1/s. Diagonal unless there are dampers along beams.
+    /// Δ = VᵀDV, 1/s. Diagonal unless there are dampers along beams.
     pub damping: DMatrix<f64>,
 }
 
@@ -145,33 +124,17 @@ impl Modes {
     }
 }
 
+/// Something without inertia: its entry in the file, a sentence about it, what an actuator does
+/// to it, and what helps against that.
+struct Inert {
+    entry: String,
+    cause: String,
+    verb: &'static str,
+    fix: &'static str,
+}
+
 /// Modes whose ω² differ by this factor are the farthest apart that double precision resolves.
 const FARTHEST: f64 = 1e18;
-
-/// The body that turns most in a motion in body coordinates.
-fn turning(motion: &[f64]) -> usize {
-    let size = |i: &usize| {
-        motion[6 * i + 3..6 * i + 6]
-            .iter()
-            .map(|x| x * x)
-            .sum::<f64>()
-    };
-    let bodies = 0..motion.len() / 6;
-    bodies
-        .max_by(|a, b| size(a).total_cmp(&size(b)))
-        .unwrap_or(0)
-}
-
-/// The axis about which that body turns, as text.
-fn axis(motion: &[f64]) -> String {
-    let body = turning(motion);
-    let turn = Vector3::from_column_slice(&motion[6 * body + 3..6 * body + 6]).normalize();
-    // Adding zero turns -0.00 into 0.00.
-    let parts = turn
-        .iter()
-        .map(|x| format!("{:.2}", (100.0 * x).round() / 100.0 + 0.0));
-    parts.collect::<Vec<_>>().join(", ")
-}
 
 impl Multibody {
     /// Assembles M, D and K of Eq. (1), the degrees of freedom q_d of Eq. (7), and the
@@ -181,7 +144,8 @@ impl Multibody {
     /// If the deformations in q_d depend on each other, the floor inputs do not determine the
     /// motion of a rigid base, or a body can move and neither a beam nor its weight holds it.
     pub fn new(machine: &Machine) -> Result<Self, MachineError> {
-        let size = 6 * machine.bodies.len();
+        let layout = Layout::new(machine);
+        let size = layout.size();
         let centre = centre(machine);
         let mut mass = DMatrix::zeros(size, size);
         let mut ride = MatrixXx6::zeros(size);
@@ -193,33 +157,81 @@ impl Multibody {
             ride.fixed_view_mut::<6, 6>(6 * i, 0)
                 .copy_from(&transport(&body.cog, &centre));
         }
+        let beams = 0..machine.beams.len();
+        let along: Vec<_> = beams.map(|beam| layout.along(machine, beam)).collect();
+        let own = (0..machine.nodes.len()).map(|node| *layout.node(node));
+        let own = own.filter(|point| {
+            point
+                .follow
+                .is_some_and(|at| layout.own().contains(&at.first))
+        });
+        let inner = along.iter().flat_map(|points| &points[1..points.len() - 1]);
+        for point in own.chain(inner.copied()) {
+            if let Some(follow) = point.follow {
+                ride.fixed_view_mut::<6, 6>(follow.first, 0)
+                    .copy_from(&transport(&point.at, &centre));
+            }
+        }
         let mut stiffness = DMatrix::zeros(size, size);
         let mut dampers = DMatrix::zeros(size, size);
         let mut losses = DMatrix::zeros(size, size);
-        let mut factor = DMatrix::zeros(6 * machine.beams.len(), size);
-        let deformations: Vec<_> = machine
+        let mut footing = None;
+        let mut spread = vec![false; size];
+        let elements = machine
             .beams
             .iter()
-            .map(|beam| deformations_from_bodies(machine, beam))
-            .collect();
-        for (i, (beam, rows)) in machine.beams.iter().zip(&deformations).enumerate() {
-            let of_beam = rows.transpose() * deformation_stiffness(beam) * rows;
-            losses += beam.loss_factor * &of_beam;
-            stiffness += of_beam;
-            dampers += beam.damper * rows.row(0).transpose() * rows.row(0);
-            factor
-                .rows_mut(6 * i, 6)
-                .copy_from(&(stiffness_factor(beam) * rows));
+            .map(|beam| beam.segments)
+            .sum::<usize>();
+        let mut factor = DMatrix::zeros(6 * elements, size);
+        let mut rows = Vec::new();
+        let beams = 0..machine.beams.len();
+        let whole = beams.map(|i| deformations(&machine.beams[i], &layout.ends(machine, i), size));
+        let whole: Vec<_> = whole.collect();
+        let mut next = 0;
+        for ((beam, points), whole) in machine.beams.iter().zip(&along).zip(&whole) {
+            let first = next;
+            let part = beam.part(beam.segments);
+            for ends in points.windows(2) {
+                let deformed = deformations(&part, ends, size);
+                let of_part = deformed.transpose() * deformation_stiffness(&part) * &deformed;
+                losses += beam.loss_factor * &of_part;
+                stiffness += of_part;
+                factor
+                    .rows_mut(next, 6)
+                    .copy_from(&(stiffness_factor(&part) * deformed));
+                next += 6;
+                if part.mass > 0.0 {
+                    let motions = motions(ends, size);
+                    let momentum = motions.transpose() * beam_mass(&part);
+                    for (i, point) in ends.iter().enumerate() {
+                        match point.follow {
+                            Some(follow) => spread[follow.first..follow.first + 6].fill(true),
+                            None => {
+                                let of_base = momentum.columns(6 * i, 6);
+                                *footing.get_or_insert_with(|| MatrixXx6::zeros(size)) +=
+                                    of_base * transport(&point.at, &centre);
+                            }
+                        }
+                    }
+                    mass += momentum * motions;
+                }
+            }
+            rows.push(first..next);
+            dampers += beam.damper * whole.row(0).transpose() * whole.row(0);
         }
-        let row = |d: &Deformation| deformations[d.beam].row(d.component);
-        let coordinates =
-            DMatrix::from_rows(&machine.coordinates.iter().map(row).collect::<Vec<_>>());
-        let elongations =
-            Matrix6xX::from_rows(&machine.actuators.map(|beam| deformations[beam].row(0)));
+        let mut coordinates = DMatrix::zeros(size, size);
+        for (i, d) in machine.coordinates.iter().enumerate() {
+            coordinates.set_row(i, &whole[d.beam].row(d.component));
+        }
+        for i in layout.own() {
+            coordinates[(i, i)] = 1.0;
+        }
+        let elongations = Matrix6xX::from_rows(&machine.actuators.map(|beam| whole[beam].row(0)));
         let floor = Matrix6::from_rows(&machine.floor.each_ref().map(|input| {
             let at = machine.nodes[input.node].at;
             input.direction.transpose() * transport(&at, &centre).fixed_rows::<3>(0)
         }));
+        let inertia = Inertia::new(machine, &layout, &mass, &spread);
         let mut model = Self {
             mass,
             stiffness,
@@ -228,12 +240,15 @@ impl Multibody {
             losses,
             damping: machine.damping,
             ride,
+            footing,
             floor,
             coordinates,
             elongations,
             centre,
+            layout,
             factor,
-            inertia: Inertia::new(machine),
+            rows,
+            inertia,
             eigen: (DVector::zeros(0), DMatrix::zeros(0, 0)),
         };
         let checked = model.check(machine).and_then(|()| model.hold(machine));
@@ -244,7 +259,11 @@ impl Multibody {
     /// The arrangement, without stiffness.
     fn check(&self, machine: &Machine) -> Result<(), EntryError> {
         let length = reach(machine);
-        if let Some(i) = dependent(&self.coordinates, length) {
+        // The other coordinates are degrees of freedom as they are, so the deformations must
+        // determine the motion of the bodies with these held.
+        let bodies = self.layout.own().start;
+        let of_bodies = self.coordinates.view((0, 0), (bodies, bodies)).into_owned();
+        if let Some(i) = dependent(&of_bodies, length) {
             let legs = DMatrix::from_rows(&self.elongations.row_iter().collect::<Vec<_>>());
             // Then no choice of coordinates helps.
             if let Some(leg) = dependent(&legs, length) {
@@ -279,62 +298,112 @@ impl Multibody {
             )
             .fix("change its node or its direction"));
         }
-        // A leg that turned a body without inertia would answer at once, with an acceleration
+        // A leg that moved something without inertia would answer at once, with an acceleration
         // like that of the force.
-        let turned = &self.elongations * &self.inertia.without;
-        for (leg, row) in turned.row_iter().enumerate() {
+        let moved = &self.elongations * &self.inertia.without;
+        for (leg, row) in moved.row_iter().enumerate() {
             if row.amax() > 1e-9 * length {
-                let turn = self.inertia.without.column(row.transpose().iamax());
+                let motion = self.inertia.without.column(row.transpose().iamax());
                 let leg = &machine.beams[machine.actuators[leg]].name;
+                let inert = self.inert(machine, motion.as_slice());
                 return Err(EntryError::new(
-                    format!("bodies.{}.inertia", machine.bodies[turning(turn.as_slice())].name),
+                    inert.entry,
                     format!(
-                        "a rotation of this body has no inertia, about [{}], and the actuator in \"{leg}\" turns it",
-                        axis(turn.as_slice())
+                        "{}, and the actuator in \"{leg}\" {}",
+                        inert.cause, inert.verb
                     ),
                 )
-                .fix("give it a small inertia, or move the end of the leg onto the axis"));
+                .fix(inert.fix));
             }
         }
         Ok(())
     }
 
+    /// What has no inertia in `motion`, one of those without.
+    fn inert(&self, machine: &Machine, motion: &[f64]) -> Inert {
+        let size = |from: usize| motion[from..from + 3].iter().map(|x| x * x).sum::<f64>();
+        let most = |rotation: usize| {
+            let sixes = 0..self.layout.owners().len();
+            let order =
+                |a: &usize, b: &usize| size(6 * a + rotation).total_cmp(&size(6 * b + rotation));
+            sixes.max_by(order).unwrap_or(0)
+        };
+        let (turned, shifted) = (most(3), most(0));
+        let rotates = size(6 * turned + 3) > 0.0;
+        let owner = self.layout.owners()[if rotates { turned } else { shifted }];
+        let entry = owner.entry(machine);
+        if !rotates {
+            return Inert {
+                entry,
+                cause: format!("{} has no mass", owner.subject()),
+                verb: "moves it",
+                fix: "let a body carry it, or give a beam that ends on it a mass",
+            };
+        }
+        let turn = Vector3::from_column_slice(&motion[6 * turned + 3..6 * turned + 6]).normalize();
+        // Adding zero turns -0.00 into 0.00.
+        let parts = turn
+            .iter()
+            .map(|x| format!("{:.2}", (100.0 * x).round() / 100.0 + 0.0));
+        let axis = parts.collect::<Vec<_>>().join(", ");
+        let body = matches!(owner, Owner::Body(_));
+        Inert {
+            entry: if body {
+                format!("{entry}.inertia")
+            } else {
+                entry
+            },
+            cause: format!(
+                "a rotation of {} has no inertia, about [{axis}]",
+                owner.subject()
+            ),
+            verb: "turns it",
+            fix: "give it a small inertia, or move the end of the leg onto the axis",
+        }
+    }
+
     /// Finds the modes and the static loads, and checks that beams or weight hold every body.
     fn hold(&mut self, machine: &Machine) -> Result<(), EntryError> {
-        let length = reach(machine);
+        let lengths = self.layout.lengths(machine);
         self.hold_turns(machine)?;
         self.eigen = self.natural();
-        let free = self.free(length);
+        let free = self.free(&lengths);
         let gravity = machine.gravity.norm();
         if gravity == 0.0 {
             return match free.first() {
                 Some(&i) => Err(EntryError::new(
-                    self.entry_of(machine, i),
-                    "this body can move without deforming any beam that is stiff",
+                    self.owner_of(i).entry(machine),
+                    format!(
+                        "{} can move without deforming any beam that is stiff",
+                        self.owner_of(i).subject()
+                    ),
                 )
                 .fix("support it by more or stiffer beams")),
                 None => self.resolve(machine),
             };
         }
         let sag = self.sag(machine, &free)?;
-        self.statics = Statics::new(machine, &sag);
+        self.statics = Statics::new(machine, &self.layout, &sag);
         self.stiffness += &self.statics.geometric;
         self.hold_turns(machine)?;
         self.eigen = self.natural();
-        let slow = 1e-6 * gravity / length;
-        let mut free = self.free(length).into_iter();
+        let slow = 1e-6 * gravity / reach(machine);
+        let mut free = self.free(&lengths).into_iter();
         let free = free.find(|&i| self.eigen.0[i].abs() < slow);
         match free {
             Some(i) => Err(EntryError::new(
-                self.entry_of(machine, i),
-                "this body can move without deforming any beam, and its weight does not hold it either",
+                self.owner_of(i).entry(machine),
+                format!(
+                    "{} can move without deforming any beam, and its weight does not hold it either",
+                    self.owner_of(i).subject()
+                ),
             )
             .fix("support it by more beams")),
             None => self.resolve(machine),
         }
     }
 
-    /// Checks that beams hold the rotations without inertia.
+    /// Checks that beams hold the motions without inertia.
     fn hold_turns(&self, machine: &Machine) -> Result<(), EntryError> {
         let without = &self.inertia.without;
         if without.ncols() == 0 {
@@ -347,16 +416,11 @@ impl Multibody {
         if held.eigenvalues[softest] > 1e-14 * scale {
             return Ok(());
         }
-        let turn = without * held.eigenvectors.column(softest);
+        let motion = without * held.eigenvectors.column(softest);
+        let inert = self.inert(machine, motion.as_slice());
         Err(EntryError::new(
-            format!(
-                "bodies.{}.inertia",
-                machine.bodies[turning(turn.as_slice())].name
-            ),
-            format!(
-                "a rotation of this body has no inertia, about [{}], and no beam holds it",
-                axis(turn.as_slice())
-            ),
+            inert.entry,
+            format!("{}, and no beam holds it", inert.cause),
         )
         .fix("give it a small inertia, or a beam with bending or torsional stiffness"))
     }
@@ -374,7 +438,7 @@ impl Multibody {
         let shape = shapes.column(squares.len() - 1);
         let strain = &self.factor * shape;
         let beam = (0..machine.beams.len()).max_by(|&a, &b| {
-            let energy = |beam: usize| strain.rows(6 * beam, 6).norm_squared();
+            let energy = |beam: usize| strain.rows_range(self.rows[beam].clone()).norm_squared();
             energy(a).total_cmp(&energy(b))
         });
         let hertz = |square: f64| square.abs().sqrt() / core::f64::consts::TAU;
@@ -390,22 +454,13 @@ impl Multibody {
     }
 
     /// The modes that deform no beam, by index.
-    fn free(&self, length: f64) -> Vec<usize> {
+    fn free(&self, lengths: &DVector<f64>) -> Vec<usize> {
         let (squares, shapes) = &self.eigen;
         let highest = squares.amax();
-        let scale = |x: &mut [f64], by: f64| {
-            for rotation in x.chunks_exact_mut(6) {
-                rotation[3..].iter_mut().for_each(|x| *x *= by);
-            }
-        };
         let rows: Vec<DVector<f64>> = self
             .factor
             .row_iter()
-            .map(|row| {
-                let mut row = row.transpose();
-                scale(row.as_mut_slice(), 1.0 / length);
-                row
-            })
+            .map(|row| row.transpose().component_div(lengths))
             .filter(|row| row.norm() > 0.0)
             .map(|row| row.normalize())
             .collect();
@@ -413,35 +468,34 @@ impl Multibody {
             // Where rounding of typed positions can be all that is stiff.
             .filter(|&i| squares[i].abs() <= 1e-10 * highest)
             .filter(|&i| {
-                let mut shape = shapes.column(i).into_owned();
-                scale(shape.as_mut_slice(), length);
+                let shape = shapes.column(i).component_mul(lengths);
                 let motion = INDEPENDENT * shape.norm();
                 rows.iter().all(|row| row.dot(&shape).abs() <= motion)
             })
             .collect()
     }
 
-    /// The entry of the body with the most kinetic energy in a mode.
-    fn entry_of(&self, machine: &Machine, mode: usize) -> String {
+    /// What has the most kinetic energy in a mode.
+    fn owner_of(&self, mode: usize) -> Owner {
         let shape = self.eigen.1.column(mode);
         let energy = |i: usize| {
             let part = shape.rows(6 * i, 6);
             part.dot(&(self.mass.view((6 * i, 6 * i), (6, 6)) * part))
         };
-        let bodies = 0..machine.bodies.len();
-        let heaviest = bodies.max_by(|&a, &b| energy(a).total_cmp(&energy(b)));
-        format!("bodies.{}", machine.bodies[heaviest.unwrap_or(0)].name)
+        let sixes = 0..self.layout.owners().len();
+        let heaviest = sixes.max_by(|&a, &b| energy(a).total_cmp(&energy(b)));
+        self.layout.owners()[heaviest.unwrap_or(0)]
     }
 
-    /// The static displacement under gravity in body coordinates, 6n, of the elastic machine; none
+    /// The static displacement x under gravity, N, of the elastic machine; none
     /// along the `free` modes.
     fn sag(&self, machine: &Machine, free: &[usize]) -> Result<DVector<f64>, EntryError> {
         let (squares, shapes) = &self.eigen;
-        let mut weight = DVector::zeros(shapes.nrows());
-        for (i, body) in machine.bodies.iter().enumerate() {
-            weight
-                .rows_mut(6 * i, 3)
-                .copy_from(&(machine.gravity * body.mass));
+        let falls = RowVector6::from_fn(|_, i| if i < 3 { machine.gravity[i] } else { 0.0 });
+        let falls = falls.transpose();
+        let mut weight = &self.mass * (&self.ride * falls);
+        if let Some(footing) = &self.footing {
+            weight += footing * falls;
         }
         let push = shapes.transpose() * weight;
         let mut sag = DVector::zeros(shapes.nrows());
@@ -450,8 +504,11 @@ impl Multibody {
                 sag.axpy(push[i] / squares[i], &shape, 1.0);
             } else if push[i].abs() > 10.0 * INDEPENDENT * push.norm() {
                 return Err(EntryError::new(
-                    self.entry_of(machine, i),
-                    "this body falls: no beam carries its weight",
+                    self.owner_of(i).entry(machine),
+                    format!(
+                        "{} falls: no beam carries its weight",
+                        self.owner_of(i).subject()
+                    ),
                 )
                 .fix("support it by more beams"));
             }
@@ -461,7 +518,7 @@ impl Multibody {
 
     /// ω² and V of the undamped modes, with VᵀMV = 1 and the largest entry of each shape positive.
     ///
-    /// Rotations without inertia follow statically.
+    /// What has no inertia follows statically.
     fn natural(&self) -> (DVector<f64>, DMatrix<f64>) {
         let Inertia { with, without } = &self.inertia;
         let mut basis = with.clone();
@@ -469,7 +526,7 @@ impl Multibody {
             let held = without.transpose() * &self.stiffness * without;
             let pull = without.transpose() * &self.stiffness * with;
             let follow = held.lu().solve(&pull);
-            basis -= without * follow.expect("these rotations were checked to be held");
+            basis -= without * follow.expect("these motions were checked to be held");
         }
         let geometric = &self.statics.geometric;
         let geometric = (geometric.nrows() > 0).then(|| basis.transpose() * geometric * &basis);
@@ -529,10 +586,70 @@ impl Multibody {
         EquationOfMotion {
             damping: &momentum * modes.damping * momentum.transpose(),
             stiffness: &back * &self.stiffness * &inverse,
-            rheonomic: &back * &self.mass * &self.ride * floor,
+            rheonomic: self.momentum(&back) * floor,
             input: &back * self.elongations.transpose(),
             mass,
         }
+    }
+
+    /// `rows`·P, k×6: the momentum of the motions that are the k `rows` of N entries, with the
+    /// machine riding on the base at 1 m/s and 1 rad/s.
+    pub(crate) fn momentum<R: Dim>(&self, rows: &OMatrix<f64, R, Dyn>) -> OMatrix<f64, R, U6>
+    where
+        DefaultAllocator: Allocator<R, Dyn> + Allocator<R, U6>,
+    {
+        let of_machine = rows * &self.mass * &self.ride;
+        match &self.footing {
+            Some(footing) => of_machine + rows * footing,
+            None => of_machine,
+        }
+    }
+
+    /// N×6: the machine moves as one rigid body with the base, except for the nodes of beams that
+    /// no body carries, which follow statically with the base at rest. [`ride`](Self::ride) if
+    /// there are none. `None` if nothing holds these nodes.
+    pub(crate) fn as_one_body(&self) -> Option<MatrixXx6<f64>> {
+        let mut shapes = self.ride.clone();
+        let Range { start, end } = self.layout.own();
+        if start < end {
+            let count = end - start;
+            let held = self
+                .stiffness
+                .view((start, start), (count, count))
+                .into_owned();
+            let pull = self.stiffness.view((start, 0), (count, start)) * self.ride.rows(0, start);
+            let follow = held.lu().solve(&pull)?;
+            shapes.rows_mut(start, count).copy_from(&-follow);
+        }
+        Some(shapes)
+    }
+
+    /// Rows of 6 for each element of a beam, by its index, √(N/m): half the sum of their squares is
+    /// the beam's strain energy, J, in the motion x.
+    pub(crate) fn strain(&self, beam: usize) -> DMatrix<f64> {
+        self.factor.rows_range(self.rows[beam].clone()).into_owned()
+    }
+
+    /// Names of the degrees of freedom q_d.
+    pub(crate) fn coordinate_names(&self, machine: &Machine) -> Vec<String> {
+        let deformations = machine.coordinates.iter();
+        let deformations = deformations.map(|d| machine.deformation_name(*d));
+        deformations.chain(self.layout.names(machine)).collect()
+    }
+
+    /// The points of a beam, by its index, from P to Q.
+    pub(crate) fn along(&self, machine: &Machine, beam: usize) -> Vec<Point> {
+        self.layout.along(machine, beam)
+    }
+
+    /// A node of the machine, by its index.
+    pub(crate) fn node(&self, node: usize) -> &Point {
+        self.layout.node(node)
+    }
+
+    /// What the coordinates belong to, six by six.
+    pub(crate) fn owners(&self) -> &[Owner] {
+        self.layout.owners()
     }
 
     /// R⁻¹, 6×6: the motion of the base, that is, the translation at C, m, and the rotation, rad,
@@ -560,37 +677,28 @@ impl Multibody {
         self.floor * motions
     }
 
-    /// The translation of a node along a direction, m, as two rows: 6n entries from body
-    /// coordinates, zero for a base node, and six from base motion.
+    /// The translation of a node along a direction, m, as two rows: N entries from x, zero for a
+    /// base node, and six from base motion.
     ///
     /// The sum of both parts is the absolute translation.
     pub fn direction(&self, machine: &Machine, d: &Direction) -> (DVector<f64>, RowVector6<f64>) {
         let node = &machine.nodes[d.node];
         let mut relative = DVector::zeros(self.mass.nrows());
-        if let Carrier::Body(body) = node.carrier {
-            let row = d.direction.transpose()
-                * transport(&node.at, &machine.bodies[body].cog).fixed_rows::<3>(0);
-            relative.rows_mut(6 * body, 6).copy_from(&row.transpose());
+        if let Some(follow) = self.layout.node(d.node).follow {
+            let row = d.direction.transpose() * follow.map.fixed_rows::<3>(0);
+            relative
+                .rows_mut(follow.first, 6)
+                .copy_from(&row.transpose());
         }
         let ride = d.direction.transpose() * transport(&node.at, &self.centre).fixed_rows::<3>(0);
         (relative, ride)
     }
 
-    /// The translation of a node relative to the base, m, for a motion of the bodies in body
-    /// coordinates, 6n.
-    pub fn translation(
-        &self,
-        machine: &Machine,
-        node: usize,
-        motion: &DVector<f64>,
-    ) -> Vector3<f64> {
-        let node = &machine.nodes[node];
-        match node.carrier {
-            Carrier::Base => Vector3::zeros(),
-            Carrier::Body(body) => {
-                transport(&node.at, &machine.bodies[body].cog).fixed_rows::<3>(0)
-                    * motion.fixed_rows::<6>(6 * body)
-            }
+    /// The translation of a node relative to the base, m, for a motion x of the machine, N.
+    pub fn translation(&self, node: usize, motion: &DVector<f64>) -> Vector3<f64> {
+        match self.layout.node(node).follow {
+            None => Vector3::zeros(),
+            Some(follow) => follow.map.fixed_rows::<3>(0) * motion.fixed_rows::<6>(follow.first),
         }
     }
 
@@ -622,9 +730,10 @@ impl Multibody {
         (sum.0 / count, sum.1 / count)
     }
 
-    /// A deformation of a beam, m, as a row of 6n entries from body coordinates.
+    /// A deformation of a beam between its ends, m, as a row of N entries from x.
     pub fn deformation(&self, machine: &Machine, d: Deformation) -> DVector<f64> {
-        deformations_from_bodies(machine, &machine.beams[d.beam])
+        let ends = self.layout.ends(machine, d.beam);
+        deformations(&machine.beams[d.beam], &ends, self.layout.size())
             .row(d.component)
             .transpose()
     }

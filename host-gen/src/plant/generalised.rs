@@ -60,7 +60,7 @@ impl Plant {
         let n = modes.squares.len();
         let shapes = &modes.shapes;
         let floor_inverse = model.floor_inverse();
-        let floor = -shapes.transpose() * &model.mass * &model.ride * floor_inverse;
+        let floor = model.momentum(&-shapes.transpose()) * floor_inverse;
         let mut actuators = shapes.transpose() * model.elongations.transpose();
 
         let sensors = match design.feedback {
@@ -125,9 +125,10 @@ impl Plant {
             }
         }
         // The machine's momentum along each mode w of the design model, in which the bodies move by
-        // Φ·S·w. A floor that moves as a rigid body excites it by P = (Φ·S)ᵀ·M·ride.
-        let momentum = (&design.suspension.shapes * design.modal).transpose() * &model.mass;
-        let excited: Matrix6<f64> = &momentum * &model.ride;
+        // Φ·S·w. A floor that moves as a rigid body excites it by (Φ·S)ᵀ·P.
+        let moving = (&design.suspension.shapes * design.modal).transpose();
+        let excited = model.momentum(&moving);
+        let momentum = moving * &model.mass;
         let rigid_modes = excited.try_inverse().ok_or_else(|| {
             machine.locate(
                 EntryError::new(
@@ -142,7 +143,7 @@ impl Plant {
             .copy_from(&(&momentum * shapes));
         out.floor
             .rows_mut(sensors + count, LEGS)
-            .copy_from(&(&momentum * &model.ride * floor_inverse));
+            .copy_from(&(excited * floor_inverse));
 
         let legs = sensors + count + LEGS;
         out.acceleration

@@ -1,6 +1,6 @@
 //! The charts of one machine.
 
-use nalgebra::{Complex, DVector, Vector3};
+use nalgebra::{Complex, DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 use shared::LEGS;
 
@@ -12,7 +12,7 @@ use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, Study};
 use crate::floor::criterion::{Criterion, third_centres};
-use crate::machine::{Beam, Carrier, FeedbackKind, Machine};
+use crate::machine::{Carrier, FeedbackKind, Machine};
 use crate::model::energy::{Kind, energies};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
@@ -485,7 +485,7 @@ impl Drawing {
         let model = study.model();
         let moved: Vec<Vector3<f64>> = (0..machine.nodes.len())
             .map(|node| match shape {
-                Some(shape) => model.translation(machine, node, shape),
+                Some(shape) => model.translation(node, shape),
                 None => Vector3::zeros(),
             })
             .collect();
@@ -503,21 +503,30 @@ impl Drawing {
             oblique(machine.bodies[body].cog + motion * scale)
         };
         let segment = |from, to| [from, to, (f64::NAN, f64::NAN)];
-        let beam = |beam: &Beam| segment(node(beam.ends[0]), node(beam.ends[1]));
-        let others = machine.beams.iter().enumerate();
-        let others = others.filter(|(i, _)| !machine.actuators.contains(i));
+        let shape = shape.map(|shape| DMatrix::from_column_slice(shape.len(), 1, shape.as_slice()));
+        let beam = |beam: usize| {
+            let points = model.along(machine, beam).into_iter().map(|point| {
+                let moved = shape.as_ref().map_or_else(Vector3::zeros, |shape| {
+                    point.motion(shape).fixed_view::<3, 1>(0, 0).into_owned()
+                });
+                oblique(point.at + moved * scale)
+            });
+            points.chain([(f64::NAN, f64::NAN)]).collect::<Vec<_>>()
+        };
+        let others = 0..machine.beams.len();
+        let others = others.filter(|i| !machine.actuators.contains(i));
         let carried = machine.nodes.iter().enumerate();
         let bodies = carried.filter_map(|(i, carried)| match carried.carrier {
-            Carrier::Base => None,
+            Carrier::Base | Carrier::Free => None,
             Carrier::Body(body) => Some(segment(cog(body), node(i))),
         });
         Self {
             legs: machine
                 .actuators
                 .iter()
-                .flat_map(|leg| beam(&machine.beams[*leg]))
+                .flat_map(|leg| beam(*leg))
                 .collect(),
-            others: others.flat_map(|(_, other)| beam(other)).collect(),
+            others: others.flat_map(beam).collect(),
             bodies: bodies.flatten().collect(),
         }
     }

@@ -29,8 +29,16 @@ pub struct SceneNode {
     pub name: String,
     /// Position, m.
     pub at: [f64; 3],
-    /// Body that carries the node, by index in [`Scene::bodies`]; none for the base.
+    /// Body that carries the node, by index in [`Scene::bodies`]; none for the base, or if the
+    /// node is free.
     pub body: Option<usize>,
+    /// Whether the node moves by itself, held by beams. Left out if not.
+    #[serde(skip_serializing_if = "is_false")]
+    pub free: bool,
+}
+
+fn is_false(x: &bool) -> bool {
+    !x
 }
 
 /// A beam of the 3D view.
@@ -86,9 +94,10 @@ impl Scene {
             name: node.name.clone(),
             at: node.at.into(),
             body: match node.carrier {
-                Carrier::Base => None,
+                Carrier::Base | Carrier::Free => None,
                 Carrier::Body(body) => Some(body),
             },
+            free: node.carrier == Carrier::Free,
         });
         let beams = machine.beams.iter().enumerate().map(|(i, beam)| SceneBeam {
             name: beam.name.clone(),

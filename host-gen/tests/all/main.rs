@@ -3,6 +3,7 @@
 
 mod analysis;
 mod bad_files;
+mod beams_with_mass;
 mod cases;
 mod common;
 mod edits;

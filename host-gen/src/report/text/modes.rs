@@ -30,10 +30,10 @@ impl ModeAnalysis {
         Ok(())
     }
 
-    /// One line for each body with a large share of the kinetic energy.
+    /// One line for each body or beam with a large share of the kinetic energy.
     fn write_listed(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let bodies = self.modes.iter().flat_map(|mode| &mode.shape);
-        let widest = bodies.map(|shape| shape.body.chars().count()).max();
+        let shares = self.modes.iter().flat_map(|mode| &mode.energies.kinetic);
+        let widest = shares.map(|share| share.name.chars().count()).max();
         let width = widest.unwrap_or(0).clamp(9, 18);
         writeln!(
             f,
@@ -56,7 +56,10 @@ impl ModeAnalysis {
                 let name: String = shares[body].name.chars().take(width).collect();
                 let percent = 100.0 * shares[body].share;
                 write!(f, "   {name:<width$} {percent:>4.0} %")?;
-                write_motion(f, &motions[body])?;
+                // A beam has a share, but no one motion.
+                if let Some(motion) = motions.get(body) {
+                    write_motion(f, motion)?;
+                }
                 writeln!(f)?;
             }
             let others = &order[listed..];
@@ -123,8 +126,9 @@ impl Display for ModeAnalysis {
             "  Shapes: x, y, z of each centre of gravity, then rotations times {:.2} m; largest 1.",
             self.reach
         )?;
-        // Two bodies fit beside each other.
-        if self.modes.first().is_some_and(|mode| mode.shape.len() > 2) {
+        // Two bodies fit beside each other, if nothing else has mass.
+        let moving = |mode: &ModeEntry| mode.energies.kinetic.len();
+        if self.modes.first().is_some_and(|mode| moving(mode) > 2) {
             self.write_listed(f)?;
         } else {
             self.write_side_by_side(f)?;

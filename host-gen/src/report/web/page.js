@@ -168,7 +168,7 @@ function machine(m) {
   };
   const rows = m.modes.modes.map((mode, i) => [i + 1, fixed(mode.hz, 3), mode.kind, fixed(mode.modal_mass, 1), `${fixed(100 * part(mode))} %`,
     ...mode.kinetic.map((k) => `${fixed(100 * k.share)} %`)]);
-  const head = ["#", "Hz", "kind", "modal mass, kg", "strain energy in legs", ...m.scene.bodies.map((b) => `kinetic, ${escape(b.name)}`)];
+  const head = ["#", "Hz", "kind", "modal mass, kg", "strain energy in legs", ...m.modes.modes[0].kinetic.map((k) => `kinetic, ${escape(k.name)}`)];
   const loads = m.modes.leg_loads.map((l) => [escape(l.beam), fixed(l.axial_force), l.buckling_load === null ? "–" : fixed(l.buckling_load)]);
   return `<p>Drag to rotate, scroll to zoom, point at a part to see its data.</p>
     <div class="view"><div class="stage" id="scene"></div><div id="energies"></div></div>
@@ -285,7 +285,7 @@ function gains(m) {
 function assumptions(m) {
   const rows = m.statements.map((s) => [s.kind, escape(s.from), s.entries.map((e) => `<code>${escape(e)}</code>`).join(", ")]);
   const none = `<p class="warning">The file does not state the source of its numbers: see [[provenance]] in docs/machine-file.md.</p>`;
-  const model = ["Small motions about the position given in the file; rigid bodies, massless beams.", "The base is rigid; its six inputs determine its motion. A floor vibrates along x, y and z, independently.", "Between samples, the acceleration of the floor is linear in time and the outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; the hysteresis of the piezos is not in the model.",
+  const model = ["Small motions about the position given in the file; rigid bodies, beams with mass where the file gives it.", "The base is rigid; its six inputs determine its motion. A floor vibrates along x, y and z, independently.", "Between samples, the acceleration of the floor is linear in time and the outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; the hysteresis of the piezos is not in the model.",
     m.modes.leg_loads.length ? "Gravity is included, and static loads change the stiffness." : "Gravity is not included: the file does not give it."];
   return `${rows.length ? table(["", "source", "numbers"], rows, 3) : none}<h3>Assumptions of the model</h3><ul>${model.map((x) => `<li>${x}</li>`).join("")}</ul>`;
 }

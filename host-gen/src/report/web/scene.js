@@ -70,6 +70,7 @@ class Stage {
   }
 
   shapeAt(mode, node) {
+    if (node.free) return mode.nodes.find((n) => n.node === node.name).motion.slice(0, 3);
     if (node.body === null) return [0, 0, 0];
     return moved(mode.shape[node.body].motion, this.scene.bodies[node.body].cog, node.at);
   }
@@ -166,7 +167,7 @@ class Stage {
       ...floor.map((item) => arrow(item, FLOOR, 0.075 * this.size, "floor input")),
     ];
     // The base: a foot under every node that it carries.
-    for (const node of nodes.filter((n) => n.body === null)) {
+    for (const node of nodes.filter((n) => n.body === null && !n.free)) {
       const foot = new THREE.Mesh(new THREE.BoxGeometry(3.4 * thin, 3.4 * thin, 0.9 * thin), this.material(0x88929a));
       foot.position.set(node.at[0], node.at[1], node.at[2] - 0.45 * thin);
       this.says(foot, `foot ${node.name}, on the base`);

@@ -222,7 +222,7 @@ impl<'a> Seen<'a> {
             let there = self.ask(&format!("JSON.stringify(stage.scene.nodes.map((n) => stage.shapeAt(stage.modes[{mode}], n)))"))?;
             let there: Vec<[f64; 3]> = serde_json::from_str(there.as_str().context("no text")?)?;
             for (node, there) in there.iter().enumerate() {
-                let here = study.model().translation(machine, node, &shape);
+                let here = study.model().translation(node, &shape);
                 let off = (here - nalgebra::Vector3::from(*there)).norm();
                 ensure!(off < 1e-9, "mode {mode}, node {node}: {here} and {there:?}");
             }
