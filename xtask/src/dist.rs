@@ -8,8 +8,8 @@ use std::process::Command;
 
 use crate::{Outcome, run, tools};
 
-/// What is made, and where it is tried.
-const DIST: &str = "target/dist";
+/// What is made, and where it is tried; cargo has a folder of the profile's name.
+const DIST: &str = "target/packages";
 
 /// Builds both, and tries both; `install` as for [`tools::venv`].
 pub fn dist(install: bool) -> Outcome<()> {

@@ -114,7 +114,7 @@ enum Task {
     /// Finds, or installs, what the boards need, and builds their firmware.
     Build(Setup),
     /// The program for those without a compiler: a wheel for pip and a tarball for Linux, in
-    /// target/dist, each tried where there is no cargo.
+    /// target/packages, each tried where there is no cargo.
     Dist(Setup),
     /// Builds the reference board's image, flashes it with probe-rs and shows its log.
     Flash(Setup),

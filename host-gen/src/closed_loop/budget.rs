@@ -19,9 +19,10 @@ use crate::machine::Board;
 use crate::numeric::NumericError;
 use crate::numeric::exposure::Measure;
 use crate::numeric::frequencies::grid;
+use crate::numeric::power_law::steeper;
 use crate::numeric::quadrature::{nodes, singular_hertz};
 use crate::numeric::six::ComplexMatrix6;
-use crate::plant::noise::{Noise, steeper};
+use crate::plant::noise::Noise;
 use crate::plant::{Control, Gain, SampledPlant};
 
 /// The lowest frequency of a noise budget, Hz: further below, displacements from accelerations

@@ -14,6 +14,8 @@ pub use criterion::Criterion;
 pub use record::{Record, Welch};
 pub use spectrum::{STRONGEST, Spectrum, SpectrumError};
 
+use crate::numeric::power_law::steeper;
+
 /// Bandwidth of a one-third-octave band relative to its centre frequency, 2^(1/6) −
 /// 2^(−1/6).
 const THIRD: f64 = 0.231_563;
@@ -113,8 +115,7 @@ impl Floor {
             Self::Table(spectrum) => spectrum.exponent(hz),
             Self::Axes(spectra) => {
                 let all = spectra.iter().map(|spectrum| spectrum.exponent(hz));
-                all.max_by(|a, b| a.abs().total_cmp(&b.abs()))
-                    .unwrap_or(0.0)
+                all.fold(0.0, steeper)
             }
         }
     }

@@ -356,7 +356,7 @@ fn unnamed(count: usize) -> Result<Vec<Column>, String> {
             ));
         }
     };
-    let time = (count % 2 == 0).then_some(Column::Time(1.0));
+    let time = count.is_multiple_of(2).then_some(Column::Time(1.0));
     Ok(time.into_iter().chain(axes).collect())
 }
 

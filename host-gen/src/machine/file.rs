@@ -429,9 +429,9 @@ pub struct PerformanceEntry {
     /// reported.
     #[serde(default)]
     pub bands: IndexMap<String, [f64; 2]>,
-    /// Exposure time, s, for the moving average and the moving standard deviation of the
-    /// outputs' displacements. Above 0. Default: these are not computed. Part of the digest only
-    /// where the search for the controller reads it.
+    /// Exposure time, s. Above 0. The moving averages and the moving standard deviations of the
+    /// outputs' displacements are taken over it. Default: these are not computed. Part of the
+    /// digest only where the search for the controller reads it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<f64>,
 }

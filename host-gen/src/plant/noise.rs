@@ -4,6 +4,7 @@ use nalgebra::DVector;
 use shared::LEGS;
 
 use crate::machine::{Board, Sensor};
+use crate::numeric::power_law::steeper;
 
 /// The power densities of the board's noise up to half the sample rate; those of the converters
 /// are white.
@@ -57,9 +58,4 @@ impl Noise {
         let slopes = slopes.map(|sensor| 2.0 * sensor.noise_density.slope(hz));
         slopes.fold(0.0, steeper)
     }
-}
-
-/// The exponent of the greater magnitude.
-pub(crate) fn steeper(a: f64, b: f64) -> f64 {
-    if b.abs() > a.abs() { b } else { a }
 }

@@ -213,7 +213,7 @@ fn what_is_no_record_is_refused() {
         (
             "# a comment\n\n".to_owned()
                 + &timed(&|i, t| format!("{},1", if i == 300 { t + 0.004 } else { t }))
-                    .replace("\n3,", "\n# another\n3,"),
+                    .replace("\n2.5,", "\n# another\n2.5,"),
             None,
             Some(305),
             "a step of",

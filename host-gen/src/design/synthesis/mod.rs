@@ -33,9 +33,10 @@ use crate::control::{Shape, table};
 use crate::design::Study;
 use crate::machine::{FeedbackKind, Target};
 use crate::numeric::frequencies::grid;
+use crate::numeric::power_law::steeper;
 use crate::numeric::quadrature::nodes;
 use crate::numeric::six::ComplexMatrix6;
-use crate::plant::noise::{Noise, steeper};
+use crate::plant::noise::Noise;
 use crate::plant::{Gain, Response};
 use crate::progress::Progress;
 
