@@ -58,7 +58,7 @@ impl Floor {
     pub fn name(&self) -> String {
         match self {
             Self::Criterion(criterion) => criterion.name().to_owned(),
-            Self::White(density) => format!("white, {density:e} m/s²/√Hz"),
+            Self::White(density) => format!("white, {density:.3e} m/s²/√Hz"),
             Self::Table(_) | Self::Axes(_) => "of the file".to_owned(),
         }
     }

@@ -302,7 +302,7 @@ pub struct ProfileEntry {
     /// Default: the beam has no mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
-    /// Mass of the whole beam, kg, evenly spread over its length. Above 0. Default: the beam has
+    /// Mass of the whole beam, kg. Evenly spread over its length. Above 0. Default: the beam has
     /// no mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,

@@ -113,12 +113,13 @@ mod tests {
     /// messages depend on it.
     #[test]
     fn every_number_states_its_unit() {
-        const UNITS: [&str; 20] = [
+        const UNITS: [&str; 21] = [
             "m",
             "m²",
             "m⁴",
             "kg",
             "kg m²",
+            "kg/m³",
             "s",
             "Hz",
             "N",
