@@ -3,7 +3,6 @@
 
 mod baseline;
 mod boards;
-mod dist;
 mod size;
 mod steps;
 mod tools;
@@ -113,9 +112,6 @@ enum Task {
     Exudyn,
     /// Finds, or installs, what the boards need, and builds their firmware.
     Build(Setup),
-    /// The program for those without a compiler: a wheel for pip and a tarball for Linux, in
-    /// target/packages, each tried where there is no cargo.
-    Dist(Setup),
     /// Builds the reference board's image, flashes it with probe-rs and shows its log.
     Flash(Setup),
     /// Flash and memory that the reference board's image takes, against the baseline in
@@ -212,7 +208,6 @@ fn main() -> ExitCode {
             println!("{}", boards::build_reference(&tools)?.display());
             Ok(())
         }),
-        Task::Dist(setup) => dist::dist(!setup.no_install),
         Task::Flash(setup) => Tools::find(!setup.no_install).and_then(|tools| flash(&tools)),
         Task::Size { setup, update } => {
             Tools::find(!setup.no_install).and_then(|tools| size::size(&tools, update))
