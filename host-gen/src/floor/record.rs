@@ -146,8 +146,10 @@ fn line_at(text: &str, byte: usize) -> usize {
 
 /// What separates the columns: the first of these that a line has.
 fn separator(line: &str) -> u8 {
-    let found = [';', '\t', ','].into_iter().find(|c| line.contains(*c));
-    found.map_or(b' ', |c| c as u8)
+    let found = [';', '\t', ',', ' ']
+        .into_iter()
+        .find(|c| line.contains(*c));
+    found.map_or(b',', |c| c as u8)
 }
 
 impl Record {
@@ -167,9 +169,15 @@ impl Record {
         let text = without_byte_order_mark(text);
         let first = text.lines().find(|line| has_data(line));
         let first = first.ok_or_else(|| whole("the record is empty"))?;
+        // A space in a name separates nothing.
+        let number = |line: &&str| {
+            line.trim_start()
+                .starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+        };
+        let numbers = text.lines().find(number);
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
-            .delimiter(separator(first.trim()))
+            .delimiter(separator(numbers.unwrap_or(first).trim()))
             .comment(Some(b'#'))
             .trim(csv::Trim::All)
             .flexible(true)

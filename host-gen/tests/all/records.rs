@@ -231,7 +231,7 @@ fn what_is_no_record_is_refused() {
             "must increase",
         ),
         (
-            long("x[g]", "1e12\n0\n-1e12\n0"),
+            long("x [g]", "1e12\n0\n-1e12\n0"),
             Some(1e3),
             None,
             "a density must be from 0",
