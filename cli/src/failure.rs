@@ -40,7 +40,7 @@ pub enum Failure {
         to: f64,
     },
     #[error(
-        "{}: the file has no floor.spectrum; give it, or one of --criterion, --white and --spectrum", .0.display()
+        "{}: the file has no floor.spectrum; give it, or one of --criterion, --white, --spectrum and --record", .0.display()
     )]
     NoFloor(std::path::PathBuf),
     #[error(transparent)]

@@ -64,7 +64,7 @@ impl FloorChoice {
                 name: path.display().to_string(),
             }));
         }
-        let of_record = |record: &Record| {
+        let of_record = |record: Record| {
             let found = record.welch()?;
             let Welch {
                 floor,
@@ -85,7 +85,7 @@ impl Recorded {
     /// What `make` makes of the record that was given, and its name; none if none was.
     pub fn read<T>(
         &self,
-        make: impl FnOnce(&Record) -> Result<T, SpectrumError>,
+        make: impl FnOnce(Record) -> Result<T, SpectrumError>,
     ) -> Result<Option<(T, String)>, Failure> {
         let Some(path) = &self.record else {
             return Ok(None);
@@ -93,7 +93,7 @@ impl Recorded {
         if let Some(rate) = self.rate {
             positive("rate", rate, "board.sample_rate")?;
         }
-        let made = parsed(path, |text| make(&Record::read(text, self.rate)?))?;
+        let made = parsed(path, |text| make(Record::read(text, self.rate)?))?;
         Ok(Some((made, path.display().to_string())))
     }
 }

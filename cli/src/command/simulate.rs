@@ -45,7 +45,7 @@ pub fn simulate(arguments: &SimulateArguments, searcher: &Searcher) -> Result<()
     if let Some(seed) = arguments.seed {
         settings.seed = seed;
     }
-    let record = arguments.recorded.read(|record| Ok(record.clone()))?;
+    let record = arguments.recorded.read(Ok)?;
     let design = searcher.design(model, &study)?;
     let simulation = simulation(&study, &settings, &design, record);
     print::warned(

@@ -99,7 +99,7 @@ impl FloorSide {
         let axes = ["x", "y", "z"].map(|axis| format!("frame {axis}")).to_vec();
         let names = machine.performance_names();
         let mut together = Vec::new();
-        let mut moving = Vec::new();
+        let (mut accelerations, mut moving) = (Vec::new(), Vec::new());
         for measure in budget.measures() {
             let (what, unit) = match measure {
                 Measure::Acceleration => ("acceleration", "m/s²"),
@@ -111,20 +111,20 @@ impl FloorSide {
             let sum = |source: usize| powers.iter().map(|powers| powers[source]).sum();
             let all = core::array::from_fn(sum);
             together.push(SourceShares::new(what.to_owned(), unit, &all));
-            if measure != Measure::Acceleration {
-                let outputs = names.iter().zip(&powers);
-                moving.extend(outputs.map(|(name, powers)| {
-                    SourceShares::new(format!("{name}, {what}"), unit, powers)
-                }));
+            for (name, powers) in names.iter().zip(&powers) {
+                let (rows, name) = match measure {
+                    Measure::Acceleration => (&mut accelerations, name.clone()),
+                    _ => (&mut moving, format!("{name}, {what}")),
+                };
+                rows.push(SourceShares::new(name, unit, powers));
             }
         }
         let groups = [
-            (&budget.performance, names, "m/s²"),
             (&budget.frame, axes, "m/s"),
             (&budget.force, legs("force"), "N"),
             (&budget.stroke, legs("stroke"), "m"),
         ];
-        let rms = groups
+        let others = groups
             .into_iter()
             .flat_map(|(spectra, names, unit)| {
                 spectra
@@ -132,7 +132,10 @@ impl FloorSide {
                     .zip(names)
                     .map(move |(s, name)| (s, name, unit))
             })
-            .map(|(spectrum, name, unit)| SourceShares::new(name, unit, &budget.power(spectrum)))
+            .map(|(spectrum, name, unit)| SourceShares::new(name, unit, &budget.power(spectrum)));
+        let rms = accelerations
+            .into_iter()
+            .chain(others)
             .chain(moving)
             .collect();
         let thirds = budget.thirds().into_iter();

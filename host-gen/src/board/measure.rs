@@ -25,6 +25,7 @@ use super::words::cause;
 use crate::control::LinearLaw;
 use crate::control::supervision::sensor_noise;
 use crate::design::Study;
+use crate::numeric::exposure::about_mean;
 use crate::plant::Gain;
 use crate::progress::Progress;
 
@@ -289,13 +290,12 @@ impl Line {
             }
             None => (Matrix6::identity(), response.from_floor(rows)),
         };
-        let turn = core::f64::consts::PI * hz * window;
         Self {
             hz,
             forces,
             sensors: plant * forces,
             floor: floor * study.plant().plant.base.map(Complex::from),
-            weight: 1.0 - (turn.sin() / turn).powi(2),
+            weight: about_mean(hz, window),
         }
     }
 }

@@ -216,7 +216,7 @@ impl Sources<'_> {
 impl NoiseBudget {
     /// Power of `spectrum` in the band, by source.
     pub fn power(&self, spectrum: &[Powers]) -> Powers {
-        self.power_within(spectrum, self.band)
+        self.measured(spectrum, Measure::Acceleration)
     }
 
     /// What can be measured of the performance outputs: their accelerations and, with an exposure
@@ -230,23 +230,22 @@ impl NoiseBudget {
     /// The power that `measure` makes of `spectrum`, one of accelerations, in the band, by source:
     /// (m/s²)² or m².
     pub fn measured(&self, spectrum: &[Powers], measure: Measure) -> Powers {
-        let mut sum = [0.0; SOURCES.len()];
-        for ((hz, weight), powers) in self.hz.iter().zip(&self.weights).zip(spectrum) {
-            let weight = weight * measure.weight(*hz);
-            for (sum, power) in sum.iter_mut().zip(powers) {
-                *sum += weight * power;
-            }
-        }
-        sum
+        self.weighted(spectrum, self.band, |hz| measure.weight(hz))
     }
 
-    /// Power of `spectrum` between two frequencies, Hz, between which and others no interval of
-    /// the quadrature extends: the ends of the band or of one-third-octave bands.
-    fn power_within(&self, spectrum: &[Powers], [low, high]: [f64; 2]) -> Powers {
+    /// Power of `spectrum` times `factor` between two frequencies, Hz, between which and others no
+    /// interval of the quadrature extends: the ends of the band or of one-third-octave bands.
+    fn weighted(
+        &self,
+        spectrum: &[Powers],
+        [low, high]: [f64; 2],
+        factor: impl Fn(f64) -> f64,
+    ) -> Powers {
         let first = self.hz.partition_point(|hz| *hz < low);
         let end = self.hz.partition_point(|hz| *hz <= high);
         let mut sum = [0.0; SOURCES.len()];
-        for (weight, powers) in self.weights[first..end].iter().zip(&spectrum[first..end]) {
+        for (i, powers) in (first..end).zip(&spectrum[first..end]) {
+            let weight = self.weights[i] * factor(self.hz[i]);
             for (sum, power) in sum.iter_mut().zip(powers) {
                 *sum += weight * power;
             }
@@ -267,7 +266,7 @@ impl NoiseBudget {
                 let worst = self
                     .frame
                     .iter()
-                    .map(|spectrum| self.power_within(spectrum, edges))
+                    .map(|spectrum| self.weighted(spectrum, edges, |_| 1.0))
                     .max_by(|a, b| a.iter().sum::<f64>().total_cmp(&b.iter().sum()))?;
                 Some((centre, worst.iter().sum::<f64>().sqrt(), worst))
             })

@@ -75,13 +75,6 @@ enum Column {
     Other,
 }
 
-fn whole(message: impl Into<String>) -> SpectrumError {
-    SpectrumError {
-        line: None,
-        message: message.into(),
-    }
-}
-
 /// The name of a column and its unit, which stands in brackets.
 fn name_and_unit(head: &str) -> (String, Option<&str>) {
     let head = head.trim();
@@ -168,7 +161,7 @@ impl Record {
     pub fn read(text: &str, rate: Option<f64>) -> Result<Self, SpectrumError> {
         let text = without_byte_order_mark(text);
         let first = text.lines().find(|line| has_data(line));
-        let first = first.ok_or_else(|| whole("the record is empty"))?;
+        let first = first.ok_or_else(|| SpectrumError::whole("the record is empty"))?;
         // A space in a name separates nothing.
         let number = |line: &&str| {
             line.trim_start()
@@ -187,12 +180,9 @@ impl Record {
         let mut axes: [Vec<f64>; AXES] = Default::default();
         let mut begins = Vec::new();
         for record in reader.records() {
-            let record = record.map_err(|error| whole(error.to_string()))?;
+            let record = record.map_err(|error| SpectrumError::whole(error.to_string()))?;
             let begin = record.position().map_or(0, |at| at.byte() as usize);
-            let at_line = |message: String| SpectrumError {
-                line: Some(line_at(text, begin)),
-                message,
-            };
+            let at_line = |message| SpectrumError::at(line_at(text, begin), message);
             let fields: Vec<&str> = record.iter().filter(|field| !field.is_empty()).collect();
             if fields.is_empty() {
                 continue;
@@ -235,23 +225,21 @@ impl Record {
         alike(&mut axes)?;
         let count = axes[0].len();
         if count < FEWEST {
-            return Err(whole(format!(
+            return Err(SpectrumError::whole(format!(
                 "{count} samples are no record of a floor: give at least {FEWEST}"
             )));
         }
         let rate = match (rate, time.is_empty()) {
             (Some(rate), true) => rate,
-            (None, false) => evenly(&time).map_err(|(i, message)| SpectrumError {
-                line: Some(line_at(text, begins[i])),
-                message,
-            })?,
+            (None, false) => evenly(&time)
+                .map_err(|(i, message)| SpectrumError::at(line_at(text, begins[i]), message))?,
             (Some(_), false) => {
-                return Err(whole(
+                return Err(SpectrumError::whole(
                     "the record has a column of time, which says its rate; leave --rate out",
                 ));
             }
             (None, true) => {
-                return Err(whole(
+                return Err(SpectrumError::whole(
                     "the record has no column of time; give --rate, in Hz, or a column \"time [s]\"",
                 ));
             }
@@ -261,11 +249,6 @@ impl Record {
             integrals,
             axes,
         })
-    }
-
-    /// Its duration, s.
-    pub fn duration(&self) -> f64 {
-        self.axes[0].len() as f64 / self.rate
     }
 
     /// Its accelerations along x, y and z, m/s², sampled at about `rate`, Hz: so that they repeat
@@ -375,12 +358,12 @@ fn integrals(columns: &[Column]) -> Result<i32, SpectrumError> {
         _ => None,
     });
     let Some(first) = all.next() else {
-        return Err(whole(
+        return Err(SpectrumError::whole(
             "no column is called x, y or z; name them in the first line, such as \"time [s], x [m/s²], y [m/s²], z [m/s²]\"",
         ));
     };
     if all.any(|other| other != first) {
-        return Err(whole(
+        return Err(SpectrumError::whole(
             "some axes are accelerations and others velocities or displacements; give one kind",
         ));
     }
@@ -396,7 +379,7 @@ fn alike(axes: &mut [Vec<f64>; AXES]) -> Result<(), SpectrumError> {
             axes.fill(samples);
             Ok(())
         }
-        [_, _] => Err(whole(
+        [_, _] => Err(SpectrumError::whole(
             "there are two axes; give x, y and z, or one axis for all",
         )),
         _ => Ok(()),

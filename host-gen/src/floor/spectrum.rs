@@ -29,6 +29,22 @@ pub struct SpectrumError {
     pub message: String,
 }
 
+impl SpectrumError {
+    /// That of a line, from 1.
+    pub(super) fn at(line: usize, message: String) -> Self {
+        let line = Some(line);
+        Self { line, message }
+    }
+
+    /// That of the text as a whole.
+    pub(super) fn whole(message: impl Into<String>) -> Self {
+        Self {
+            line: None,
+            message: message.into(),
+        }
+    }
+}
+
 impl FromStr for Spectrum {
     type Err = SpectrumError;
 
@@ -42,10 +58,7 @@ impl FromStr for Spectrum {
         let text = without_byte_order_mark(text);
         let mut points: Vec<(f64, f64)> = Vec::new();
         for (i, line) in text.lines().enumerate() {
-            let at_line = |message| SpectrumError {
-                line: Some(i + 1),
-                message,
-            };
+            let at_line = |message| SpectrumError::at(i + 1, message);
             let last = points.last().map_or(0.0, |(hz, _)| *hz);
             points.extend(point(line, last).map_err(at_line)?);
         }
@@ -115,12 +128,7 @@ impl Spectrum {
         let mut all = Vec::with_capacity(points.len());
         let mut last = 0.0;
         for &[hz, density] in points {
-            let point = checked(hz, density, last);
-            let error = |message| SpectrumError {
-                line: None,
-                message,
-            };
-            all.push(point.map_err(error)?);
+            all.push(checked(hz, density, last).map_err(SpectrumError::whole)?);
             last = hz;
         }
         Self::of(all)
@@ -133,12 +141,9 @@ impl Spectrum {
             [_] => "one point is no spectrum, because the density is interpolated between points",
             _ => return Ok(Self { points }),
         };
-        Err(SpectrumError {
-            line: None,
-            message: format!(
-                "{few}; give at least two, each with a frequency, Hz, and an acceleration density, m/s²/√Hz"
-            ),
-        })
+        Err(SpectrumError::whole(format!(
+            "{few}; give at least two, each with a frequency, Hz, and an acceleration density, m/s²/√Hz"
+        )))
     }
 
     /// The points on either side of `hz`, Hz; none outside.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+use nalgebra::{Matrix3, Matrix6, Rotation3, Unit, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::LEGS;
@@ -136,6 +136,14 @@ impl Body {
             .eigenvalues
             .map(|moment| if moment > rounding { moment } else { 0.0 });
         (moments, eigen.eigenvectors)
+    }
+
+    /// Its mass matrix, 6×6, kg and kg m², for the translation of the centre of gravity and the
+    /// rotation.
+    pub(crate) fn mass_matrix(&self) -> Matrix6<f64> {
+        let mut mass = Matrix6::from_diagonal_element(self.mass);
+        mass.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.inertia);
+        mass
     }
 
     /// Radius of gyration, m: the square root of half the sum of the principal moments over the

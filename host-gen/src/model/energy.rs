@@ -8,6 +8,7 @@ use super::design_model::alike;
 use super::layout::Point;
 use super::multibody::{Modes, Multibody};
 use crate::machine::{Carrier, Machine};
+use crate::numeric::six::to_dynamic;
 
 /// The share of one beam or body in the energy of a mode.
 #[derive(Clone, Debug, Serialize)]
@@ -89,18 +90,16 @@ fn of_group(
         .sum();
     let kinetic = machine.bodies.iter().enumerate().map(|(i, body)| {
         let part = shapes.rows(6 * i, 6);
-        let mut mass = DMatrix::zeros(6, 6);
-        mass.fill_diagonal(body.mass);
-        mass.view_mut((3, 3), (3, 3)).copy_from(&body.inertia);
+        let mass = to_dynamic(&body.mass_matrix());
         // VᵀMV = 1, so all shares add up to 1 without scaling.
         Share {
             name: body.name.clone(),
             share: (part.transpose() * mass * part).trace() / shapes.ncols() as f64,
         }
     });
-    let heavy = machine.beams.iter().enumerate();
-    let heavy = heavy.filter(|(_, beam)| beam.mass > 0.0);
-    let of_beams = heavy.map(|(i, beam)| {
+    let beams = machine.beams.iter().enumerate();
+    let heavy = beams.filter(|(_, beam)| beam.mass > 0.0);
+    let of_beams = heavy.clone().map(|(i, beam)| {
         let mass = beam_mass(&beam.part(beam.segments));
         let points = model.along(machine, i);
         let energies = points.windows(2).map(|ends| {
@@ -119,8 +118,6 @@ fn of_group(
     let most = |motion: Matrix3xX<f64>| motion.singular_values().max();
     let translation = |point: &Point| most(point.motion(shapes).fixed_rows::<3>(0).into_owned());
     let of_nodes = (0..machine.nodes.len()).map(|node| translation(model.node(node)));
-    let heavy = machine.beams.iter().enumerate();
-    let heavy = heavy.filter(|(_, beam)| beam.mass > 0.0);
     let of_skins = heavy.flat_map(|(i, beam)| {
         let gyration = (beam.polar_inertia / beam.mass).sqrt();
         let axis = beam.axes.row(0);

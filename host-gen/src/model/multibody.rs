@@ -28,7 +28,7 @@ use core::ops::Range;
 
 use nalgebra::allocator::Allocator;
 use nalgebra::{
-    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix3, Matrix6, Matrix6xX, MatrixXx6, OMatrix,
+    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix6, Matrix6xX, MatrixXx6, OMatrix,
     RowVector6, U6, Vector3,
 };
 
@@ -150,10 +150,8 @@ impl Multibody {
         let mut mass = DMatrix::zeros(size, size);
         let mut ride = MatrixXx6::zeros(size);
         for (i, body) in machine.bodies.iter().enumerate() {
-            let m = Matrix3::from_diagonal_element(body.mass);
-            mass.fixed_view_mut::<3, 3>(6 * i, 6 * i).copy_from(&m);
-            mass.fixed_view_mut::<3, 3>(6 * i + 3, 6 * i + 3)
-                .copy_from(&body.inertia);
+            mass.fixed_view_mut::<6, 6>(6 * i, 6 * i)
+                .copy_from(&body.mass_matrix());
             ride.fixed_view_mut::<6, 6>(6 * i, 0)
                 .copy_from(&transport(&body.cog, &centre));
         }

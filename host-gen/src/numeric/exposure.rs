@@ -23,21 +23,8 @@ impl Measure {
         let displacement = (TAU * hz).powi(-4);
         match self {
             Self::Acceleration => 1.0,
-            Self::Average(exposure) => {
-                let x = PI * hz * exposure;
-                (x.sin() / x).powi(2) * displacement
-            }
-            Self::Deviation(exposure) => {
-                let x = PI * hz * exposure;
-                // The difference of two numbers near 1, as a series.
-                let part = if x < 0.02 {
-                    let square = x * x;
-                    square * (1.0 / 3.0 - square * (2.0 / 45.0 - square / 315.0))
-                } else {
-                    1.0 - (x.sin() / x).powi(2)
-                };
-                part * displacement
-            }
+            Self::Average(exposure) => in_mean(PI * hz * exposure) * displacement,
+            Self::Deviation(exposure) => about_mean(hz, exposure) * displacement,
         }
     }
 
@@ -53,6 +40,23 @@ impl Measure {
         let count = (high / step).min(EIGHTHS) as usize;
         let all = (1..=count).map(|n| n as f64 * step);
         all.filter(|hz| low < *hz && *hz < high).collect()
+    }
+}
+
+/// Part of a sine's power in its mean over x/π periods.
+fn in_mean(x: f64) -> f64 {
+    (x.sin() / x).powi(2)
+}
+
+/// Part of a sine's power at `hz`, Hz, that is left about its mean over `time`, s.
+pub fn about_mean(hz: f64, time: f64) -> f64 {
+    let x = PI * hz * time;
+    // The difference of two numbers near 1, as a series.
+    if x < 0.02 {
+        let square = x * x;
+        square * (1.0 / 3.0 - square * (2.0 / 45.0 - square / 315.0))
+    } else {
+        1.0 - in_mean(x)
     }
 }
 

@@ -314,13 +314,12 @@ impl Synthesis<'_> {
         };
         let mut peaks = plant.peaks();
         peaks.extend(self.sharp);
-        // What moves with the floor, and the rows of the outputs from forces along the modes.
+        // What moves with the floor.
         let shaken = |response: &Response, rows: Range<usize>, floor: &ComplexMatrix6| Source {
             direct: blocks(&(response.from_floor(rows) * floor)),
             to_modes: channels(&response.from_floor(plant.sensors()), floor),
         };
-        let output_of = |hz: f64, rows: Range<usize>, sources: Vec<Source<K>>, goal: Goal| {
-            let from_legs = sampled.response(hz).from_legs(rows);
+        let output_of = |hz: f64, from_legs: Gain, sources: Vec<Source<K>>, goal: Goal| {
             let from_modes = blocks(&(from_legs * output));
             let output = Output {
                 from_modes,
@@ -330,16 +329,16 @@ impl Synthesis<'_> {
             point(hz, Purpose::Output(output))
         };
         let seen = |rows: Range<usize>, floor: ComplexMatrix6, hz: f64, goal: Goal| {
-            let source = shaken(&sampled.response(hz), rows.clone(), &floor);
-            output_of(hz, rows, vec![source], goal)
+            let response = sampled.response(hz);
+            let source = shaken(&response, rows.clone(), &floor);
+            output_of(hz, response.from_legs(rows), vec![source], goal)
         };
         let noise = Noise::new(&machine.board, true);
         // DAC, and sensors with their ADC, each kind by itself.
-        let noises = |hz: f64, response: &Response, rows: Range<usize>| {
+        let noises = |hz: f64, response: &Response, from_legs: &Gain| {
             let by_dac = ComplexMatrix6::identity() * Complex::from(noise.dac.sqrt());
-            let from_legs = response.from_legs(rows);
             let mut sources = vec![Source {
-                direct: blocks(&(&from_legs * by_dac)),
+                direct: blocks(&(from_legs * by_dac)),
                 to_modes: channels(&response.g22(), &by_dac),
             }];
             let own = noise.sensors(hz);
@@ -419,10 +418,11 @@ impl Synthesis<'_> {
                     let base =
                         base * ComplexMatrix6::from_diagonal(&floor.motions(hz).map(Complex::from));
                     let rows = plant.performance();
-                    let mut sources = vec![shaken(&response, rows.clone(), &base)];
-                    sources.extend(noises(hz, &response, rows.clone()));
+                    let from_legs = response.from_legs(rows.clone());
+                    let mut sources = vec![shaken(&response, rows, &base)];
+                    sources.extend(noises(hz, &response, &from_legs));
                     let goal = Goal::Square(weight * measure.weight(hz));
-                    points.push(output_of(hz, rows, sources, goal));
+                    points.push(output_of(hz, from_legs, sources, goal));
                 }
             }
         }
