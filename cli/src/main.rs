@@ -20,7 +20,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
 use host_gen::machine::schema::schema;
 
-use arguments::Common;
+use arguments::{Common, Format};
 use command::campaign::CampaignArguments;
 use command::compare::CompareArguments;
 use command::design::DesignArguments;
@@ -60,6 +60,14 @@ enum Command {
     ///
     /// Example: host-gen schema > machine.schema.json
     Schema,
+    /// List the sensors that a machine file can name, with their figures and sources.
+    ///
+    /// Example: host-gen parts
+    Parts {
+        /// Output format: text, or JSON as in docs/json.md.
+        #[arg(long, value_enum, default_value_t = Format::Text)]
+        format: Format,
+    },
     /// Print the script with which a shell completes commands and options.
     ///
     /// Example: host-gen completions bash > ~/.local/share/bash-completion/completions/host-gen
@@ -185,6 +193,7 @@ fn run(command: &Command, searcher: &Searcher) -> Result<(), Failure> {
     match command {
         Command::New(arguments) => command::new::new(arguments),
         Command::Schema => print::text(&schema()),
+        Command::Parts { format } => command::parts::parts(*format),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "host-gen", &mut script);

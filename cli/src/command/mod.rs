@@ -8,6 +8,7 @@ pub mod floor;
 pub mod link;
 pub mod model;
 pub mod new;
+pub mod parts;
 pub mod plant;
 pub mod poles;
 pub mod report;

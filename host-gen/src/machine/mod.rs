@@ -11,6 +11,7 @@
 //! | [`schema`] | the JSON Schema of machine files |
 //! | `read` | from TOML values to the file's types |
 //! | `noise` | the noise of a sensor over frequency |
+//! | [`parts`] | sensors with the figures of their makers |
 //! | `sensor` | a sensor with its noise and its dynamics |
 //! | `checked` | [`Machine`] and its parts |
 //! | `beam_mass` | mass and segments of a beam, and the nodes that beams hold |
@@ -25,6 +26,7 @@ mod error;
 pub mod file;
 pub mod limits;
 mod noise;
+pub mod parts;
 mod read;
 pub mod schema;
 mod sensor;
@@ -77,8 +79,8 @@ impl Machine {
         validate::machine(file, Source::default())
     }
 
-    fn from_table(source: Source, table: toml::Table) -> Result<Self, MachineError> {
-        match read::file(table) {
+    fn from_table(source: Source, mut table: toml::Table) -> Result<Self, MachineError> {
+        match parts::fill(&mut table).and_then(|()| read::file(table)) {
             Ok(file) => validate::machine(file, source),
             Err(error) => Err(source.locate(error)),
         }

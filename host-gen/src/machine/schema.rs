@@ -8,6 +8,7 @@ use schemars::transform::{RecursiveTransform, RestrictFormats, Transform as _};
 use serde_json::{Value, json};
 
 use super::file::MachineFile;
+use super::parts;
 
 /// The JSON Schema of machine files, as text.
 ///
@@ -49,6 +50,19 @@ fn file_schema(definitions: &'static str) -> Schema {
             "description": "Path of another machine file, relative to this one. This file then has only the keys that differ.",
         });
         properties.insert("based_on".to_owned(), based_on);
+    }
+    // The name of a sensor stands for figures of the library.
+    if let Some(sensor) = schema.pointer_mut(&format!("{definitions}/SensorEntry")) {
+        let names = parts::all().values().flat_map(|parts| parts.keys());
+        sensor["properties"]["sensor"] = json!({
+            "type": "string",
+            "enum": names.collect::<Vec<_>>(),
+            "description": "Name of a sensor whose figures stand for the keys that are not given. `host-gen parts` lists them.",
+        });
+        if let Some(sensor) = sensor.as_object_mut() {
+            sensor.remove("required");
+        }
+        sensor["anyOf"] = json!([{ "required": ["sensitivity"] }, { "required": ["sensor"] }]);
     }
     schema
 }

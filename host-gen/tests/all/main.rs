@@ -15,6 +15,7 @@ mod modal_law;
 mod odd_machines;
 mod other_machines;
 mod outline;
+mod parts;
 mod records;
 mod report;
 mod robustness;

@@ -1,0 +1,131 @@
+//! A library of sensors with the figures of their makers: `parts.toml` in the sources.
+
+use std::fmt::{self, Display, Formatter};
+use std::sync::LazyLock;
+
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use super::error::EntryError;
+
+/// A sensor of the library.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Part {
+    /// Maker, type and kind, in words.
+    pub part: String,
+    /// Where the figures are from, with the figures as they are stated there.
+    pub source: String,
+    /// What the source does not state.
+    pub assumed: String,
+    /// Values of keys of `[board.accelerometer]` or `[board.force_sensor]`, SI units.
+    pub figures: Table,
+}
+
+/// The sensors of one kind by name.
+pub type Parts = IndexMap<String, Part>;
+
+/// All sensors by kind: `"accelerometer"`, as the table in `[board]` that they are for. There are
+/// no force sensors.
+pub type Library = IndexMap<String, Parts>;
+
+/// The library.
+pub fn all() -> &'static Library {
+    static ALL: LazyLock<Library> = LazyLock::new(|| {
+        toml::from_str(include_str!("parts.toml")).expect("tests read the library")
+    });
+    &ALL
+}
+
+/// One line with the name, one with the figures, then source and assumptions.
+impl Display for Part {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.part)?;
+        for (key, value) in &self.figures {
+            writeln!(f, "  {key} = {value}")?;
+        }
+        writeln!(f, "  source: {}", self.source)?;
+        writeln!(f, "  assumed: {}", self.assumed)
+    }
+}
+
+/// Puts the figures of the sensors that a machine's table names into it, below its own keys, and
+/// takes the names out.
+///
+/// # Errors
+/// If a name is no string or not in the library.
+pub(super) fn fill(machine: &mut Table) -> Result<(), EntryError> {
+    for kind in KINDS {
+        let board = machine.get_mut("board").and_then(Value::as_table_mut);
+        let sensor = board.and_then(|board| board.get_mut(kind)?.as_table_mut());
+        let Some(sensor) = sensor else { continue };
+        let Some(name) = sensor.remove("sensor") else {
+            continue;
+        };
+        let entry = format!("board.{kind}.sensor");
+        let Value::String(name) = name else {
+            return Err(EntryError::new(
+                entry,
+                "expected a string, the name of a sensor",
+            ));
+        };
+        let Some(part) = all().get(kind).and_then(|parts| parts.get(&name)) else {
+            return Err(unknown(entry, kind, &name));
+        };
+        for (key, value) in &part.figures {
+            if !sensor.contains_key(key) {
+                sensor.insert(key.clone(), value.clone());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The tables of `[board]` that may name a sensor.
+pub(super) const KINDS: [&str; 2] = ["accelerometer", "force_sensor"];
+
+fn unknown(entry: String, kind: &str, name: &str) -> EntryError {
+    let known = all().get(kind).into_iter().flatten().map(|(name, _)| name);
+    let near = known.min_by_key(|known| distance(name, known));
+    match near {
+        Some(near) if distance(name, near) <= 1 + near.len() / 3 => {
+            let message = format!("no sensor \"{name}\" is known; did you mean \"{near}\"?");
+            EntryError::new(entry, message).fix("host-gen parts lists the sensors")
+        }
+        _ => {
+            let words = kind.replace('_', " ");
+            let message = format!("no {words} \"{name}\" is known");
+            EntryError::new(entry, message)
+                .fix("give its figures as keys; host-gen parts lists the sensors that are known")
+        }
+    }
+}
+
+/// How many letters must be inserted, removed or replaced to make `a` of `b`.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = i;
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != *y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_counts_of_letters() {
+        for (a, b, expected) in [("", "abc", 3), ("kitten", "sitting", 3), ("86", "86", 0)] {
+            assert_eq!(distance(a, b), expected);
+        }
+    }
+}
