@@ -243,6 +243,40 @@ fn turned_bits_are_told() {
     assert_eq!(run(1000, 2000), None);
 }
 
+/// What a loop makes of the jump at the end of a test signal is no fault; the same later is one.
+#[test]
+fn the_end_of_an_injection_is_no_spike() {
+    let mut t = *plain().get();
+    t.supervision.spike = [48; 2];
+    t.supervision.spikes = 5;
+    let t = t.validate().unwrap();
+    let run = |after: usize| {
+        let mut bench = Bench::with(t, &mut []);
+        bench.reach_idle();
+        let injection = Injection {
+            signal: Signal::Noise { seed: 1 },
+            legs: [0.0; LEGS],
+            samples: 100,
+        };
+        bench.controller.start_injection(injection).unwrap();
+        while bench.controller.report().injecting > 0 {
+            bench.run(1);
+        }
+        bench.run(after);
+        let mut samples = bench.samples();
+        for code in &mut samples.sensors {
+            code.0 += 500;
+        }
+        bench.dac = bench.controller.on_sample(samples.into());
+        bench.run(10);
+        bench.cause()
+    };
+    for after in [0, 1, 2, 3, 4, 10, 40] {
+        assert_eq!(run(after), None, "{after} samples after the end");
+    }
+    assert_eq!(run(200), Some(Cause::Erratic(0x3F)));
+}
+
 /// Each fault from the closed loop: its cause, a straight way to the safe codes
 /// within the bound, latched until it is cleared, and nothing starts by itself.
 #[test]

@@ -13,6 +13,11 @@ const USUAL: u32 = 64;
 /// it.
 const FAR: u32 = 8;
 
+/// Samples for which no spike counts after one that was not calm: a force that jumped answers for
+/// them. A closed loop of little delay undoes part of a jump of the accelerations in the next
+/// sample, which looks like a spike in every sensor.
+const ECHO: u32 = 64;
+
 /// Samples that are remembered: the three before the end of a spike, rounded up to a power of
 /// two.
 const MEMORY: usize = 4;
@@ -41,6 +46,8 @@ pub struct Jumps {
     spikes: u32,
     /// Samples of the current second.
     second: u32,
+    /// Samples until spikes count again.
+    echo: u32,
 }
 
 impl Jumps {
@@ -55,10 +62,12 @@ impl Jumps {
         last: 0,
         spikes: 0,
         second: 0,
+        echo: 0,
     };
 
-    /// Looks at the codes of all sensors; spikes count only if `calm`. Returns whether a code may
-    /// have been the same for too long: [`Jumps::stuck`].
+    /// Looks at the codes of all sensors; spikes count only some time after the last sample that
+    /// was not `calm`. Returns whether a code may have been the same for too long:
+    /// [`Jumps::stuck`].
     #[inline]
     pub fn see(&mut self, table: &Table, samples: &Samples, calm: bool) -> bool {
         self.second += 1;
@@ -83,7 +92,11 @@ impl Jumps {
         let limits = &table.supervision;
         // No jump is larger than all bits of all jumps together.
         let least = limits.spike.map(|limit| u32::from(limit).wrapping_sub(1));
-        if sizes > least[0].min(least[1]) && calm {
+        if !calm {
+            self.echo = ECHO;
+        } else if self.echo > 0 {
+            self.echo -= 1;
+        } else if sizes > least[0].min(least[1]) {
             self.judge(table);
         }
         limits.stuck > 0 && still >= limits.stuck
