@@ -32,7 +32,7 @@ pub(crate) struct ModeEntry {
     /// Per body: translation, m, and rotation, rad, of its centre of gravity;
     /// mass-normalised.
     pub(crate) shape: Vec<BodyMotion>,
-    /// The same per node that no body carries, and per node between the elements of a beam,
+    /// The same per node that no rigid body carries, and per node between the elements of a beam,
     /// `BEAM[1]` the first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) nodes: Vec<NodeMotion>,

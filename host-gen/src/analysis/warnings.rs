@@ -163,7 +163,11 @@ fn units(machine: &Machine) -> Vec<String> {
         let reach = own.map(|node| (node.at - body.cog).norm());
         reach.fold(body.gyration(), f64::max)
     });
-    let size = size.fold(0.0, f64::max);
+    let flexible = machine.flexible.iter().flat_map(|body| {
+        let nodes = body.nodes.iter();
+        nodes.map(|&node| (machine.nodes[node].at - body.cog).norm())
+    });
+    let size = size.chain(flexible).fold(0.0, f64::max);
     let longest = machine.beams.iter();
     let longest = longest.max_by(|a, b| a.length.total_cmp(&b.length));
     if let Some(beam) = longest

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Matrix6, Rotation3, Unit, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::LEGS;
@@ -28,6 +28,8 @@ pub struct Machine {
     pub nodes: Vec<Node>,
     /// Rigid bodies, in the order of the file.
     pub bodies: Vec<Body>,
+    /// Flexible bodies, in the order of the file.
+    pub flexible: Vec<FlexibleBody>,
     /// Beams, in the order of the file.
     pub beams: Vec<Beam>,
     /// Degrees of freedom q_d, Eq. (7): six per body.
@@ -70,8 +72,9 @@ pub struct Machine {
     /// Sources of the numbers.
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description without comments and layout: everything that decides the
-    /// controller. Of `simulation` that is the floor, as are `floor.rotation` and
-    /// `floor.spectrum`, unless the search minimises the peaks; of `robustness` what the modal law is verified on; `provenance` is left out.
+    /// controller, the matrices of flexible bodies included. Of `simulation` that is the floor, as
+    /// are `floor.rotation` and `floor.spectrum`, unless the search minimises the peaks; of
+    /// `robustness` what the modal law is verified on; `provenance` is left out.
     pub digest: ModelDigest,
     /// Errors of gains that the controller does not know: zero for the machine of a file.
     pub(crate) gain_errors: GainErrors,
@@ -111,6 +114,8 @@ pub enum Carrier {
     Body(usize),
     /// Nothing: it moves by itself, held by beams.
     Free,
+    /// Itself, as an interface node of a flexible body, by its index in [`Machine::flexible`].
+    Flexible(usize),
 }
 
 /// A rigid body.
@@ -150,6 +155,35 @@ impl Body {
     /// mass.
     pub fn gyration(&self) -> f64 {
         (0.5 * self.inertia.trace() / self.mass).sqrt()
+    }
+}
+
+/// A flexible body of k interface nodes and m modal coordinates.
+///
+/// Rows of its matrices are the translation, m, and the rotation, rad, of each node, then the
+/// modal coordinates in the units of its files.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlexibleBody {
+    /// Name of the body.
+    pub name: String,
+    /// Interface nodes, by index in [`Machine::nodes`].
+    pub nodes: Vec<usize>,
+    /// Mass matrix, 6k+m square, in kg with these units.
+    pub mass: DMatrix<f64>,
+    /// Stiffness matrix, 6k+m square, in N/m with these units. A rigid motion makes no force.
+    pub stiffness: DMatrix<f64>,
+    /// Loss factor of the material (no unit).
+    pub loss_factor: f64,
+    /// Mass, kg.
+    pub total: f64,
+    /// Position of the centre of gravity, m.
+    pub cog: Vector3<f64>,
+}
+
+impl FlexibleBody {
+    /// Number m of modal coordinates.
+    pub fn modes(&self) -> usize {
+        self.mass.nrows() - 6 * self.nodes.len()
     }
 }
 
@@ -453,6 +487,7 @@ impl Machine {
         let Self {
             nodes,
             bodies,
+            flexible,
             beams,
             coordinates,
             actuators,
@@ -491,7 +526,7 @@ impl Machine {
         };
         // Debug prints numbers in the shortest form that reads back to the same bits.
         format!(
-            "{nodes:?} {bodies:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {gain_errors:?} {shaken:?}"
+            "{nodes:?} {bodies:?} {flexible:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {gain_errors:?} {shaken:?}"
         )
     }
 

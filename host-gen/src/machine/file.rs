@@ -30,6 +30,7 @@
 //!     base: BaseEntry::default(),
 //!     free: FreeEntry::default(),
 //!     bodies: Default::default(),
+//!     flexible_bodies: Default::default(),
 //!     profiles: Default::default(),
 //!     beams: Default::default(),
 //!     coordinates: CoordinatesEntry::default(),
@@ -157,8 +158,12 @@ pub struct MachineFile {
     /// Nodes that neither a body nor the base carries.
     #[serde(default, skip_serializing_if = "FreeEntry::is_empty")]
     pub free: FreeEntry,
-    /// Rigid bodies by name, at least one.
+    /// Rigid bodies by name, at least one unless there are flexible ones.
+    #[serde(default)]
     pub bodies: IndexMap<String, BodyEntry>,
+    /// Flexible bodies by name, from finite elements.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub flexible_bodies: IndexMap<String, FlexibleBodyEntry>,
     /// Stiffness sets by name, for beams that share one.
     #[serde(default)]
     pub profiles: IndexMap<String, ProfileEntry>,
@@ -253,6 +258,59 @@ pub struct BodyEntry {
     pub cog: [f64; 3],
     /// Names of the nodes that move with the body.
     pub nodes: Vec<String>,
+}
+
+/// `[flexible_bodies.NAME]`: an elastic body, reduced by a finite element program to some nodes
+/// and modes (Guyan, or Craig–Bampton).
+///
+/// The rows of both matrices are x, y, z, rx, ry, rz of each node, in the order of `nodes` and the
+/// axes of the file, then any modal coordinates. The body is free: a rigid motion makes no force.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlexibleBodyEntry {
+    /// Names of the interface nodes, in the order of the matrices. They belong to this body alone.
+    pub nodes: Vec<String>,
+    /// Path of the mass matrix, relative to this file: Matrix Market (`.mtx`) or NumPy (`.npy`).
+    pub mass_matrix: String,
+    /// Path of the stiffness matrix, relative to this file: `.mtx` or `.npy`.
+    pub stiffness_matrix: String,
+    /// Unit of length in the matrices: `"m"` (the default) or `"mm"`.
+    #[serde(default)]
+    pub length_unit: LengthUnit,
+    /// Unit of mass in the matrices: `"kg"` (the default) or `"t"`. The unit of force is that of
+    /// mass times length over s²: N for kg and m, and for t and mm.
+    #[serde(default)]
+    pub mass_unit: MassUnit,
+    /// Mass of the body, kg, which that of the matrix must be to 1 %. Above 0. Default: not
+    /// compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// Loss factor of the material (no unit), not negative. Default: 0. Adds half its mean
+    /// over a mode's strain energy to the damping ratio of the mode.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss_factor: Option<f64>,
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LengthUnit {
+    /// Metre.
+    #[default]
+    M,
+    /// Millimetre.
+    Mm,
+}
+
+/// A unit of mass.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MassUnit {
+    /// Kilogram.
+    #[default]
+    Kg,
+    /// Tonne, 1000 kg.
+    T,
 }
 
 /// Inertia of a body about its centre of gravity, in one of two notations.

@@ -15,6 +15,7 @@
 //! | `sensor` | a sensor with its noise and its dynamics |
 //! | `checked` | [`Machine`] and its parts |
 //! | `beam_mass` | mass and segments of a beam, and the nodes that beams hold |
+//! | `flexible` | flexible bodies and their matrices |
 //! | `validate` | from the file's types to a [`Machine`] |
 //!
 //! What only the arrangement as a whole can show (dependent degrees of freedom, a singular
@@ -24,6 +25,7 @@ mod beam_mass;
 mod checked;
 mod error;
 pub mod file;
+mod flexible;
 pub mod limits;
 mod noise;
 pub mod parts;
@@ -38,8 +40,8 @@ mod validate;
 use std::path::Path;
 
 pub use checked::{
-    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, LowerCorner,
-    Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
+    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, FlexibleBody,
+    LowerCorner, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
 };
 pub(crate) use error::EntryError;
 pub use error::MachineError;

@@ -112,6 +112,16 @@ impl Source {
         parts.map(|part| (&*part.file, &*part.text))
     }
 
+    /// The folder of the first file that has the whole `entry`: paths in it are relative to that.
+    /// Empty for a machine that was built in code.
+    pub fn folder(&self, entry: &str) -> &Path {
+        let whole =
+            |part: &&Part| find(&part.text, entry).is_some_and(|(length, _)| length == entry.len());
+        let part = self.parts.iter().find(whole);
+        let folder = part.and_then(|part| part.file.parent());
+        folder.unwrap_or(Path::new(""))
+    }
+
     fn add(&mut self, path: &Path, text: &str) -> Result<Table, MachineError> {
         let table: Table = text.parse().map_err(|error: toml::de::Error| {
             let message = error.message().trim().replace('\n', "; ");

@@ -11,15 +11,16 @@ use shared::table::{ModelDigest, SECTIONS};
 
 use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
-    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, GainErrors,
-    Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
+    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, FlexibleBody,
+    GainErrors, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
-    BoardEntry, BodyEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind,
-    ForceSensorEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry,
-    RollOff, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
+    BoardEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind, ForceSensorEntry,
+    Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, RollOff, ShapeEntry,
+    Simulation, SpectrumEntry, SupervisionSettings,
 };
+use super::flexible::flexible_body;
 use super::limits::{self, Limits};
 use super::sensor::{bandwidth, sensor};
 use super::source::{Source, has};
@@ -32,7 +33,7 @@ const UNIT_SLACK: f64 = 1e-5;
 
 /// Checks a file; errors have their place in `source`.
 pub(super) fn machine(file: MachineFile, source: Source) -> Result<Machine, MachineError> {
-    match check(file) {
+    match check(file, &source) {
         Ok(machine) => Ok(Machine { source, ..machine }),
         Err(error) => Err(source.locate(error)),
     }
@@ -40,7 +41,8 @@ pub(super) fn machine(file: MachineFile, source: Source) -> Result<Machine, Mach
 
 /// Serialised, the description has neither comments nor layout, and numbers in their
 /// shortest form.
-fn digest(file: &MachineFile) -> ModelDigest {
+/// The matrices of flexible bodies are part of it by their content.
+fn digest(file: &MachineFile, flexible: &[FlexibleBody]) -> ModelDigest {
     let robustness = (file.control.law == LawName::Modal).then(|| RobustnessEntry {
         samples: file.robustness.samples.min(DESIGN_SAMPLES),
         ..file.robustness.clone()
@@ -63,10 +65,16 @@ fn digest(file: &MachineFile) -> ModelDigest {
     };
     let canonical = serde_json::to_vec(&(file, robustness, shaken));
     let canonical = canonical.expect("numbers and strings serialise");
-    ModelDigest(Sha256::digest(canonical).into())
+    let mut digest = Sha256::new_with_prefix(canonical);
+    for body in flexible {
+        for x in body.mass.iter().chain(&body.stiffness) {
+            digest.update(x.to_le_bytes());
+        }
+    }
+    ModelDigest(digest.finalize().into())
 }
 
-fn check(file: MachineFile) -> Checked<Machine> {
+fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     if file.format != 1 {
         return Err(EntryError::new(
             "format",
@@ -79,10 +87,11 @@ fn check(file: MachineFile) -> Checked<Machine> {
     check_name(&file.name)?;
     limits::check(&file)?;
     let nodes = nodes(&file)?;
-    let bodies = bodies(&file.bodies)?;
+    let bodies = bodies(&file)?;
+    let flexible = flexible(&file, &nodes, source)?;
     let beams = beams(&file, &nodes)?;
     check_nodes(&nodes, &beams)?;
-    let damping = damping(&file.damping, &beams)?;
+    let damping = damping(&file.damping, &beams, &flexible)?;
     let names = Names { nodes, beams };
 
     let coordinates =
@@ -225,6 +234,8 @@ fn check(file: MachineFile) -> Checked<Machine> {
         name: file.name.clone(),
         nodes: names.nodes,
         bodies,
+        digest: digest(&file, &flexible),
+        flexible,
         beams: names.beams,
         coordinates,
         actuators,
@@ -246,7 +257,6 @@ fn check(file: MachineFile) -> Checked<Machine> {
         robustness,
         gain_errors: GainErrors::default(),
         provenance: file.provenance.clone(),
-        digest: digest(&file),
         description: file,
         source: Source::default(),
     })
@@ -377,6 +387,12 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
             claim(&format!("bodies.{body}.nodes"), name, Carrier::Body(index))?;
         }
     }
+    for (index, (body, spec)) in file.flexible_bodies.iter().enumerate() {
+        for name in &spec.nodes {
+            let entry = format!("flexible_bodies.{body}.nodes");
+            claim(&entry, name, Carrier::Flexible(index))?;
+        }
+    }
     file.nodes
         .iter()
         .zip(carriers)
@@ -395,11 +411,24 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
         .collect()
 }
 
-fn bodies(specs: &IndexMap<String, BodyEntry>) -> Checked<Vec<Body>> {
-    if specs.is_empty() {
+fn flexible(file: &MachineFile, nodes: &[Node], source: &Source) -> Checked<Vec<FlexibleBody>> {
+    let bodies = file.flexible_bodies.iter();
+    let bodies = bodies.map(|(name, spec)| {
+        let entry = format!("flexible_bodies.{name}.nodes");
+        let interface = spec.nodes.iter();
+        let interface = interface.map(|node| node_index(&entry, nodes, node));
+        let folder = source.folder(&format!("flexible_bodies.{name}.mass_matrix"));
+        let interface = interface.collect::<Checked<Vec<_>>>()?;
+        flexible_body(name, spec, folder, interface, nodes)
+    });
+    bodies.collect()
+}
+
+fn bodies(file: &MachineFile) -> Checked<Vec<Body>> {
+    if file.bodies.is_empty() && file.flexible_bodies.is_empty() {
         return Err(EntryError::new("bodies", "there must be at least one body"));
     }
-    specs
+    file.bodies
         .iter()
         .map(|(name, spec)| {
             let entry = format!("bodies.{name}");
@@ -604,11 +633,12 @@ fn axes(entry: &str, x: Vector3<f64>, given: Option<&[f64; 3]>) -> Checked<Matri
 }
 
 /// A damping ratio of 0.005 for every mode, unless the file gives any other damping.
-fn damping(spec: &DampingEntry, beams: &[Beam]) -> Checked<Damping> {
+fn damping(spec: &DampingEntry, beams: &[Beam], flexible: &[FlexibleBody]) -> Checked<Damping> {
     let elsewhere = spec.rayleigh.is_some()
         || beams
             .iter()
-            .any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0);
+            .any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0)
+        || flexible.iter().any(|body| body.loss_factor != 0.0);
     let modal = spec.modal.unwrap_or(if elsewhere { 0.0 } else { 0.005 });
     fraction("damping.modal", modal)?;
     let rayleigh = spec.rayleigh.unwrap_or_default();

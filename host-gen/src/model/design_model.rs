@@ -296,7 +296,7 @@ impl Suspension {
     /// # Errors
     /// If the elongations of the six legs do not determine the motion.
     pub fn new(machine: &Machine, model: &Multibody) -> Result<Self, MachineError> {
-        let rigid = model.as_one_body();
+        let rigid = model.as_one_body(machine);
         let rigid = rigid.and_then(|shapes| Self::along(model, Reduction::Rigid, shapes));
         let independent = dependent(
             &to_dynamic(&(&model.elongations * &model.ride)),

@@ -45,10 +45,11 @@ pub struct Energies {
     /// beam's axis, one at its radius of gyration from it; the centres of gravity, and, for the rotation of each body, a
     /// point at its radius of gyration from the axis.
     pub modal_mass: f64,
-    /// Share of each beam in the elastic strain energy, in the order of the machine's beams.
+    /// Share of each beam in the elastic strain energy, in the order of the machine's beams;
+    /// then that of each flexible body.
     pub strain: Vec<Share>,
     /// Share of each body in the kinetic energy, in the order of the machine's bodies; then that
-    /// of each beam with mass, in the order of its beams.
+    /// of each flexible body, then of each beam with mass.
     pub kinetic: Vec<Share>,
 }
 
@@ -56,8 +57,8 @@ pub struct Energies {
 ///
 /// Strain energy is elastic: it does not contain the geometric part that gravity adds.
 pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Energies> {
-    let beams = 0..machine.beams.len();
-    let beams: Vec<_> = beams.map(|beam| model.strain(beam)).collect();
+    let parts = 0..machine.beams.len() + machine.flexible.len();
+    let beams: Vec<_> = parts.map(|part| model.strain(part)).collect();
     let groups = alike(modes.squares.as_slice()).into_iter();
     groups
         .flat_map(|group| {
@@ -68,8 +69,8 @@ pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Ener
         .collect()
 }
 
-/// The mean energies of modes with equal frequencies. `beams` are the factors of their strain
-/// energies, and `shapes` the mass-normalised mode shapes as columns.
+/// The mean energies of modes with equal frequencies. `beams` are the factors of the strain
+/// energies of beams and flexible bodies, and `shapes` the mass-normalised mode shapes as columns.
 fn of_group(
     machine: &Machine,
     model: &Multibody,
@@ -97,6 +98,13 @@ fn of_group(
             share: (part.transpose() * mass * part).trace() / shapes.ncols() as f64,
         }
     });
+    let of_flexible = machine.flexible.iter().enumerate().map(|(i, body)| {
+        let part = shapes.select_rows(&model.flexible(machine, i));
+        Share {
+            name: body.name.clone(),
+            share: (part.transpose() * &body.mass * part).trace() / shapes.ncols() as f64,
+        }
+    });
     let beams = machine.beams.iter().enumerate();
     let heavy = beams.filter(|(_, beam)| beam.mass > 0.0);
     let of_beams = heavy.clone().map(|(i, beam)| {
@@ -116,7 +124,7 @@ fn of_group(
     });
     // Over all mixtures of the shapes, a point moves at most by the largest singular value.
     let most = |motion: Matrix3xX<f64>| motion.singular_values().max();
-    let translation = |point: &Point| most(point.motion(shapes).fixed_rows::<3>(0).into_owned());
+    let translation = |point: &Point| most(point.translation(shapes));
     let of_nodes = (0..machine.nodes.len()).map(|node| translation(model.node(node)));
     let of_skins = heavy.flat_map(|(i, beam)| {
         let gyration = (beam.polar_inertia / beam.mass).sqrt();
@@ -142,13 +150,15 @@ fn of_group(
             Kind::Internal
         },
         modal_mass: 1.0 / (largest * largest),
-        kinetic: kinetic.chain(of_beams).collect(),
+        kinetic: kinetic.chain(of_flexible).chain(of_beams).collect(),
         strain: machine
             .beams
             .iter()
+            .map(|beam| &beam.name)
+            .chain(machine.flexible.iter().map(|body| &body.name))
             .zip(&strain)
-            .map(|(beam, energy)| Share {
-                name: beam.name.clone(),
+            .map(|(name, energy)| Share {
+                name: name.clone(),
                 share: energy / total,
             })
             .collect(),

@@ -4,7 +4,8 @@
 //! there. A load changes the stiffness in two ways. Forces and moments in a beam act through its
 //! deformations to second order: an axial force N, tension positive, adds 6N/(5L) against lateral
 //! motion if both ends are clamped, and bending moments couple twist and lateral bending. And a
-//! body that rotates moves the points at which forces act on it.
+//! body that rotates moves the points at which forces act on it; a flexible body does so with its mean rotation, and its
+//! inner loads do not stiffen it.
 //!
 //! The inner points of a beam without mass are in equilibrium at any time. A loaded beam is divided
 //! into parts and reduced to its two ends, which gives the stiffness near buckling, too. So is each
@@ -16,8 +17,9 @@ use nalgebra::{DMatrix, DVector, Matrix3, RowDVector, Vector3};
 use super::beam::{
     beam_deformations, beam_mass, deformation_stiffness, deformations, motions, own_axes,
 };
+use super::flexible::mean_rotation;
 use super::layout::{Follow, Layout, Owner};
-use crate::machine::{Beam, Machine};
+use crate::machine::{Beam, Carrier, Machine};
 
 /// Static loads under gravity and their geometric stiffness.
 #[derive(Clone, Debug, Default)]
@@ -58,6 +60,7 @@ impl Statics {
         let mut geometric = DMatrix::zeros(size, size);
         let mut axial = Vec::new();
         let mut buckled = Vec::new();
+        let mut turned = vec![Matrix3::zeros(); machine.flexible.len()];
         for (i, beam) in machine.beams.iter().enumerate() {
             let whole = deformations(beam, &layout.ends(machine, i), size) * sag;
             axial.push((deformation_stiffness(beam) * whole)[0]);
@@ -81,18 +84,33 @@ impl Statics {
                     push += beam_mass(&part) * falls;
                 }
                 for (end, point) in ends.iter().enumerate() {
-                    // The lever of the point is its place on the body.
+                    let push: Vector3<f64> = push.fixed_rows::<3>(6 * end).into_owned();
+                    // Where the point is on a body turns with that body.
                     if let Some(Follow { first, .. }) = point.follow
                         && let Owner::Body(body) = layout.owner(first)
                     {
                         let arm = point.at - machine.bodies[body].cog;
-                        let push: Vector3<f64> = push.fixed_rows::<3>(6 * end).into_owned();
                         let mut block = geometric.fixed_view_mut::<3, 3>(first + 3, first + 3);
                         block += turned_arm(&push, &arm);
+                    } else if let Some(Follow { first, .. }) = point.follow
+                        && let Owner::Node(node) = layout.owner(first)
+                        && let Carrier::Flexible(body) = machine.nodes[node].carrier
+                    {
+                        turned[body] += turned_arm(&push, &(point.at - machine.flexible[body].cog));
                     }
                 }
             }
             buckled.push(!holds);
+        }
+        for (i, (body, turned)) in machine.flexible.iter().zip(turned).enumerate() {
+            let rotation = mean_rotation(machine, body);
+            let of_body = rotation.transpose() * turned * rotation;
+            let own = layout.flexible(machine, i);
+            for (&i, row) in own.iter().zip(of_body.row_iter()) {
+                for (&j, x) in own.iter().zip(row.iter()) {
+                    geometric[(i, j)] += x;
+                }
+            }
         }
         Self {
             axial,

@@ -61,9 +61,10 @@ impl Inertia {
         }
         coupled.extend(layout.own());
         let has_own = |&i: &usize| {
-            let scale = match i % 6 {
-                0..3 => 0.0,
-                _ => mass[(i - 3, i - 3)] * length * length,
+            let scale = if layout.turns(i) {
+                mass[(i - 3, i - 3)] * length * length
+            } else {
+                0.0
             };
             mass[(i, i)] > ROUNDING * scale
         };

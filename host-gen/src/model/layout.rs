@@ -3,11 +3,12 @@
 //! x has, in this order, six coordinates for each body, as [`super::multibody`] says; six for each
 //! node that no body carries, in the order of the file: its translation, m, and its rotation, rad,
 //! both relative to the base; and six of the same kind for each node between the elements of a
-//! beam, beam by beam, from its end P to its end Q.
+//! beam, beam by beam, from its end P to its end Q; last the modal coordinates of each flexible
+//! body.
 
 use core::ops::Range;
 
-use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::beam::transport;
 use super::independence::reach;
@@ -40,6 +41,14 @@ impl Point {
         Self { at, follow }
     }
 
+    /// The translation of the point, m, in the motions `x` of the machine, as columns, 3×k.
+    pub(crate) fn translation(&self, x: &DMatrix<f64>) -> Matrix3xX<f64> {
+        match self.follow {
+            Some(Follow { first, map }) => map.fixed_rows::<3>(0) * x.fixed_rows::<6>(first),
+            None => Matrix3xX::zeros(x.ncols()),
+        }
+    }
+
     /// The motion of the point in the motions `x` of the machine, as columns, 6×k.
     pub(crate) fn motion(&self, x: &DMatrix<f64>) -> Matrix6xX<f64> {
         match self.follow {
@@ -54,7 +63,7 @@ impl Point {
 pub(crate) enum Owner {
     /// A rigid body.
     Body(usize),
-    /// A node that no body carries.
+    /// A node that no rigid body carries.
     Node(usize),
     /// A node between the elements of a beam: the beam, and the number of the node, from 1.
     Inner(usize, usize),
@@ -96,8 +105,10 @@ pub(crate) struct Layout {
     nodes: Vec<Point>,
     /// For each beam, the first coordinate of its inner nodes.
     inner: Vec<usize>,
-    /// For each six coordinates, what they belong to.
+    /// For each six coordinates of motion, what they belong to.
     owners: Vec<Owner>,
+    /// For each flexible body, its modal coordinates.
+    modal: Vec<Range<usize>>,
     bodies: usize,
 }
 
@@ -118,7 +129,7 @@ impl Layout {
                     map: transport(&node.at, &machine.bodies[body].cog),
                 }),
             },
-            Carrier::Free => {
+            Carrier::Free | Carrier::Flexible(_) => {
                 owners.push(Owner::Node(i));
                 Point::own(node.at, 6 * (owners.len() - 1))
             }
@@ -129,17 +140,27 @@ impl Layout {
             inner.push(6 * owners.len());
             owners.extend((1..beam.segments).map(|node| Owner::Inner(i, node)));
         }
+        let mut next = 6 * owners.len();
+        let modal = machine.flexible.iter().map(|body| {
+            let first = next;
+            next += body.modes();
+            first..next
+        });
+        let modal = modal.collect();
         Self {
             nodes,
             inner,
             owners,
+            modal,
             bodies,
         }
     }
 
     /// Number N of coordinates.
     pub(crate) fn size(&self) -> usize {
-        6 * self.owners.len()
+        self.modal
+            .last()
+            .map_or(6 * self.owners.len(), |last| last.end)
     }
 
     /// The coordinates that are not those of rigid bodies.
@@ -147,14 +168,39 @@ impl Layout {
         6 * self.bodies..self.size()
     }
 
-    /// What each six coordinates belong to.
+    /// What each six coordinates belong to, those of modes left out.
     pub(crate) fn owners(&self) -> &[Owner] {
         &self.owners
     }
 
-    /// What a coordinate belongs to.
+    /// Those of the coordinates that are of nodes of beams which no body carries, rigid or
+    /// flexible.
+    pub(crate) fn of_beams(&self, machine: &Machine) -> Vec<usize> {
+        let sixes = self.owners.iter().enumerate();
+        let own = sixes.filter(|(_, owner)| match **owner {
+            Owner::Body(_) => false,
+            Owner::Node(node) => machine.nodes[node].carrier == Carrier::Free,
+            Owner::Inner(..) => true,
+        });
+        own.flat_map(|(six, _)| 6 * six..6 * six + 6).collect()
+    }
+
+    /// What a coordinate belongs to that is not one of a mode.
     pub(crate) fn owner(&self, coordinate: usize) -> Owner {
         self.owners[coordinate / 6]
+    }
+
+    /// Whether a coordinate is a rotation.
+    pub(crate) fn turns(&self, coordinate: usize) -> bool {
+        coordinate < 6 * self.owners.len() && coordinate % 6 >= 3
+    }
+
+    /// The coordinates of a flexible body, by its index, in the order of its matrices.
+    pub(crate) fn flexible(&self, machine: &Machine, body: usize) -> Vec<usize> {
+        let nodes = machine.flexible[body].nodes.iter();
+        let nodes = nodes.filter_map(|&node| self.nodes[node].follow);
+        let nodes = nodes.flat_map(|follow| follow.first..follow.first + 6);
+        nodes.chain(self.modal[body].clone()).collect()
     }
 
     /// A node, by its index in the machine.
@@ -186,16 +232,36 @@ impl Layout {
     /// [`reach`] for rotations.
     pub(crate) fn lengths(&self, machine: &Machine) -> DVector<f64> {
         let length = reach(machine);
-        DVector::from_fn(self.size(), |i, _| if i % 6 < 3 { 1.0 } else { length })
+        let mut lengths = DVector::from_element(self.size(), 1.0);
+        for (i, x) in lengths.iter_mut().enumerate() {
+            if self.turns(i) {
+                *x = length;
+            }
+        }
+        // A modal coordinate has the kinetic energy of the whole body at this velocity.
+        for (body, modal) in machine.flexible.iter().zip(&self.modal) {
+            let first = 6 * body.nodes.len();
+            for (k, i) in modal.clone().enumerate() {
+                let own = body.mass[(first + k, first + k)];
+                if own > 0.0 {
+                    lengths[i] = (own / body.total).sqrt();
+                }
+            }
+        }
+        lengths
     }
 
-    /// Names of the coordinates that are not those of rigid bodies: `OWNER.x` to `OWNER.rz`.
+    /// Names of the coordinates that are not those of rigid bodies: `OWNER.x` to `OWNER.rz`, and
+    /// `BODY.q1` and so on of a flexible body's modes.
     pub(crate) fn names(&self, machine: &Machine) -> Vec<String> {
         let own = self.owners[self.bodies..].iter();
         let names = own.flat_map(|owner| {
             let name = owner.name(machine);
             ["x", "y", "z", "rx", "ry", "rz"].map(|axis| format!("{name}.{axis}"))
         });
-        names.collect()
+        let modes = machine.flexible.iter();
+        let modes =
+            modes.flat_map(|body| (1..=body.modes()).map(|k| format!("{}.q{k}", body.name)));
+        names.chain(modes).collect()
     }
 }

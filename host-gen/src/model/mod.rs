@@ -4,6 +4,7 @@
 pub(crate) mod beam;
 pub mod design_model;
 pub mod energy;
+mod flexible;
 pub mod gravity;
 pub mod independence;
 mod inertia;

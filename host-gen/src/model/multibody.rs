@@ -3,8 +3,8 @@
 //! The coordinates x are, for each body, the translation of its centre of gravity, m, and its
 //! rotation, rad, both relative to a frame that moves with the base. After them come the
 //! translation, m, and the rotation, rad, of each node that no body carries, in the order of the
-//! file, and of the nodes between the elements of beams with mass, beam by beam, from P to Q:
-//! N coordinates in all, 6n if there are n bodies and nothing else.
+//! file, and of the nodes between the elements of beams with mass, beam by beam, from P to Q;
+//! last the modal coordinates of flexible bodies: N coordinates in all, 6n if there are n bodies and nothing else.
 //! The base motion b is the translation of its point at C, m, and its rotation, rad;
 //! C is the mean position of the nodes.
 //! The absolute motion of the machine is x + Φ·b, and deformations depend on x alone. So Eq. (1)
@@ -35,6 +35,7 @@ use nalgebra::{
 use super::beam::{
     beam_mass, deformation_stiffness, deformations, motions, stiffness_factor, transport,
 };
+use super::flexible::flexible_factor;
 use super::gravity::Statics;
 use super::independence::{INDEPENDENT, centre, dependent, follows_from, reach};
 use super::inertia::Inertia;
@@ -74,9 +75,10 @@ pub struct Multibody {
     /// C, m: the reference point of rigid motions.
     centre: Vector3<f64>,
     layout: Layout,
-    /// B, with BᵀB the elastic stiffness: six rows for each element of each beam, √(N/m).
+    /// B, with BᵀB the elastic stiffness, √(N/m): six rows for each element of each beam, then
+    /// those of each flexible body.
     factor: DMatrix<f64>,
-    /// The rows of B of each beam.
+    /// The rows of B of each beam, then of each flexible body.
     rows: Vec<Range<usize>>,
     inertia: Inertia,
     /// ω² and V, as in [`Modes`].
@@ -216,6 +218,29 @@ impl Multibody {
             }
             rows.push(first..next);
             dampers += beam.damper * whole.row(0).transpose() * whole.row(0);
+        }
+        let mut factor = factor;
+        for (i, body) in machine.flexible.iter().enumerate() {
+            let own = layout.flexible(machine, i);
+            for (&i, rows) in own.iter().zip(body.mass.row_iter()) {
+                spread[i] = true;
+                for (&j, x) in own.iter().zip(rows.iter()) {
+                    mass[(i, j)] += x;
+                }
+            }
+            let of_body = flexible_factor(body);
+            let first = factor.nrows();
+            factor = factor.resize_vertically(first + of_body.nrows(), 0.0);
+            for (&i, column) in own.iter().zip(of_body.column_iter()) {
+                factor
+                    .view_mut((first, i), (column.len(), 1))
+                    .copy_from(&column);
+            }
+            rows.push(first..factor.nrows());
+            let own_factor = factor.rows_range(first..).into_owned();
+            let elastic = own_factor.transpose() * own_factor;
+            losses += body.loss_factor * &elastic;
+            stiffness += elastic;
         }
         let mut coordinates = DMatrix::zeros(size, size);
         for (i, d) in machine.coordinates.iter().enumerate() {
@@ -435,20 +460,33 @@ impl Multibody {
         }
         let shape = shapes.column(squares.len() - 1);
         let strain = &self.factor * shape;
-        let beam = (0..machine.beams.len()).max_by(|&a, &b| {
-            let energy = |beam: usize| strain.rows_range(self.rows[beam].clone()).norm_squared();
+        let part = (0..self.rows.len()).max_by(|&a, &b| {
+            let energy = |part: usize| strain.rows_range(self.rows[part].clone()).norm_squared();
             energy(a).total_cmp(&energy(b))
         });
+        let part = part.unwrap_or(0);
+        let (entry, what, fix) = match part.checked_sub(machine.beams.len()) {
+            Some(body) => (
+                format!("flexible_bodies.{}", machine.flexible[body].name),
+                "flexible body",
+                "reduce it to fewer modes and nodes",
+            ),
+            None => (
+                format!("beams.{}", machine.beams[part].name),
+                "beam",
+                "make it less stiff, or make one body of what it joins",
+            ),
+        };
         let hertz = |square: f64| square.abs().sqrt() / core::f64::consts::TAU;
         Err(EntryError::new(
-            format!("beams.{}", machine.beams[beam.unwrap_or(0)].name),
+            entry,
             format!(
-                "natural frequencies from {:.1e} to {:.1e} Hz are too far apart for double precision, and this beam makes the highest",
+                "natural frequencies from {:.1e} to {:.1e} Hz are too far apart for double precision, and this {what} makes the highest",
                 hertz(lowest),
                 hertz(highest)
             ),
         )
-        .fix("make it less stiff, or make one body of what it joins"))
+        .fix(fix))
     }
 
     /// The modes that deform no beam, by index.
@@ -606,26 +644,27 @@ impl Multibody {
     /// N×6: the machine moves as one rigid body with the base, except for the nodes of beams that
     /// no body carries, which follow statically with the base at rest. [`ride`](Self::ride) if
     /// there are none. `None` if nothing holds these nodes.
-    pub(crate) fn as_one_body(&self) -> Option<MatrixXx6<f64>> {
+    pub(crate) fn as_one_body(&self, machine: &Machine) -> Option<MatrixXx6<f64>> {
         let mut shapes = self.ride.clone();
-        let Range { start, end } = self.layout.own();
-        if start < end {
-            let count = end - start;
-            let held = self
-                .stiffness
-                .view((start, start), (count, count))
-                .into_owned();
-            let pull = self.stiffness.view((start, 0), (count, start)) * self.ride.rows(0, start);
-            let follow = held.lu().solve(&pull)?;
-            shapes.rows_mut(start, count).copy_from(&-follow);
+        let own = self.layout.of_beams(machine);
+        if !own.is_empty() {
+            for &i in &own {
+                shapes.row_mut(i).fill(0.0);
+            }
+            let rows = self.stiffness.select_rows(&own);
+            let pull = &rows * &shapes;
+            let follow = rows.select_columns(&own).lu().solve(&pull)?;
+            for (&i, row) in own.iter().zip(follow.row_iter()) {
+                shapes.set_row(i, &-row);
+            }
         }
         Some(shapes)
     }
 
-    /// Rows of 6 for each element of a beam, by its index, √(N/m): half the sum of their squares is
-    /// the beam's strain energy, J, in the motion x.
-    pub(crate) fn strain(&self, beam: usize) -> DMatrix<f64> {
-        self.factor.rows_range(self.rows[beam].clone()).into_owned()
+    /// Rows of the beam with this index, those of flexible bodies counted after all beams, √(N/m):
+    /// half the sum of their squares is its strain energy, J, in the motion x.
+    pub(crate) fn strain(&self, part: usize) -> DMatrix<f64> {
+        self.factor.rows_range(self.rows[part].clone()).into_owned()
     }
 
     /// Names of the degrees of freedom q_d.
@@ -645,7 +684,12 @@ impl Multibody {
         self.layout.node(node)
     }
 
-    /// What the coordinates belong to, six by six.
+    /// The coordinates of a flexible body, by its index, in the order of its matrices.
+    pub(crate) fn flexible(&self, machine: &Machine, body: usize) -> Vec<usize> {
+        self.layout.flexible(machine, body)
+    }
+
+    /// What the coordinates belong to, six by six, those of modes left out.
     pub(crate) fn owners(&self) -> &[Owner] {
         self.layout.owners()
     }

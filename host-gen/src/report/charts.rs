@@ -502,6 +502,17 @@ impl Drawing {
             });
             oblique(machine.bodies[body].cog + motion * scale)
         };
+        // A flexible body has no one motion: from the mean position of its nodes.
+        let middle = |body: usize| {
+            let nodes = machine.flexible[body].nodes.iter();
+            let (sum, count) = nodes.fold((Vector3::zeros(), 0.0), |(sum, count), &node| {
+                (
+                    sum + machine.nodes[node].at + moved[node] * scale,
+                    count + 1.0,
+                )
+            });
+            oblique(sum / count)
+        };
         let segment = |from, to| [from, to, (f64::NAN, f64::NAN)];
         let shape = shape.map(|shape| DMatrix::from_column_slice(shape.len(), 1, shape.as_slice()));
         let beam = |beam: usize| {
@@ -518,6 +529,7 @@ impl Drawing {
         let carried = machine.nodes.iter().enumerate();
         let bodies = carried.filter_map(|(i, carried)| match carried.carrier {
             Carrier::Base | Carrier::Free => None,
+            Carrier::Flexible(body) => Some(segment(middle(body), node(i))),
             Carrier::Body(body) => Some(segment(cog(body), node(i))),
         });
         Self {

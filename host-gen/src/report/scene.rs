@@ -32,7 +32,8 @@ pub struct SceneNode {
     /// Body that carries the node, by index in [`Scene::bodies`]; none for the base, or if the
     /// node is free.
     pub body: Option<usize>,
-    /// Whether the node moves by itself, held by beams. Left out if not.
+    /// Whether the node moves by itself, held by beams or as one of a flexible body. Left out if
+    /// not.
     #[serde(skip_serializing_if = "is_false")]
     pub free: bool,
 }
@@ -94,10 +95,10 @@ impl Scene {
             name: node.name.clone(),
             at: node.at.into(),
             body: match node.carrier {
-                Carrier::Base | Carrier::Free => None,
+                Carrier::Base | Carrier::Free | Carrier::Flexible(_) => None,
                 Carrier::Body(body) => Some(body),
             },
-            free: node.carrier == Carrier::Free,
+            free: matches!(node.carrier, Carrier::Free | Carrier::Flexible(_)),
         });
         let beams = machine.beams.iter().enumerate().map(|(i, beam)| SceneBeam {
             name: beam.name.clone(),

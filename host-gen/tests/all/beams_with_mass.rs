@@ -11,16 +11,16 @@ use toml::{Table, Value};
 use crate::common::{edited, parse};
 
 /// Young's modulus, Pa, shear modulus, Pa, and density, kg/m³, of steel.
-const STEEL: [f64; 3] = [210e9, 80e9, 7850.0];
+pub const STEEL: [f64; 3] = [210e9, 80e9, 7850.0];
 /// A rod 20 mm wide and 10 mm high: area, m², and both second moments, m⁴.
-const AREA: f64 = 2e-4;
-const SECOND: [f64; 2] = [0.02 * 1e-6 / 12.0, 0.01 * 8e-6 / 12.0];
+pub const AREA: f64 = 2e-4;
+pub const SECOND: [f64; 2] = [0.02 * 1e-6 / 12.0, 0.01 * 8e-6 / 12.0];
 /// An assumed torsion constant, m⁴.
-const TORSION: f64 = 4.6e-9;
-const LENGTH: f64 = 0.8;
+pub const TORSION: f64 = 4.6e-9;
+pub const LENGTH: f64 = 0.8;
 
 /// The metrology frame, and beside it `more`, a text of tables.
-fn beside(more: &str) -> String {
+pub fn beside(more: &str) -> String {
     let mut table: Table = edited(&[]).parse().unwrap();
     for (key, value) in more.parse::<Table>().unwrap() {
         merge(&mut table, key, value);
@@ -28,7 +28,7 @@ fn beside(more: &str) -> String {
     table.to_string()
 }
 
-fn merge(into: &mut Table, key: String, value: Value) {
+pub fn merge(into: &mut Table, key: String, value: Value) {
     match (into.get_mut(&key), value) {
         (Some(Value::Table(old)), Value::Table(new)) => {
             for (key, value) in new {
@@ -43,7 +43,7 @@ fn merge(into: &mut Table, key: String, value: Value) {
 }
 
 /// The stiffness set of the rod.
-fn rod(segments: usize) -> String {
+pub fn rod(segments: usize) -> String {
     let [e, g, density] = STEEL;
     format!(
         "[profiles.rod]\nyoungs_modulus = {e:?}\nshear_modulus = {g:?}\narea = {AREA:?}\nsecond_moments = {SECOND:?}\ntorsion_constant = {TORSION:?}\ndensity = {density:?}\nsegments = {segments}\n"

@@ -7,6 +7,7 @@ mod beams_with_mass;
 mod cases;
 mod common;
 mod edits;
+mod flexible_bodies;
 mod kept_searches;
 mod link_without_answer;
 mod measuring_amplitude;

@@ -163,7 +163,7 @@ function glance(m) {
 function machine(m) {
   const swatch = (rgb, text) => `<span><i style="background:#${rgb.toString(16).padStart(6, "0")}"></i>${text}</span>`;
   const part = (mode) => {
-    const legs = mode.strain.filter(({ name }) => m.scene.beams.find((b) => b.name === name).channel !== null);
+    const legs = mode.strain.filter(({ name }) => (m.scene.beams.find((b) => b.name === name)?.channel ?? null) !== null);
     return legs.reduce((sum, { share }) => sum + share, 0);
   };
   const rows = m.modes.modes.map((mode, i) => [i + 1, fixed(mode.hz, 3), mode.kind, fixed(mode.modal_mass, 1), `${fixed(100 * part(mode))} %`,
@@ -285,7 +285,7 @@ function gains(m) {
 function assumptions(m) {
   const rows = m.statements.map((s) => [s.kind, escape(s.from), s.entries.map((e) => `<code>${escape(e)}</code>`).join(", ")]);
   const none = `<p class="warning">The file does not state the source of its numbers: see [[provenance]] in docs/machine-file.md.</p>`;
-  const model = ["Small motions about the position given in the file; rigid bodies, beams with mass where the file gives it.", "The base is rigid; its six inputs determine its motion. A floor vibrates along x, y and z, independently.", "Between samples, the acceleration of the floor is linear in time and the outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; the hysteresis of the piezos is not in the model.",
+  const model = ["Small motions about the position given in the file; rigid bodies, and elastic ones and beams with mass where the file gives them.", "The base is rigid; its six inputs determine its motion. A floor vibrates along x, y and z, independently.", "Between samples, the acceleration of the floor is linear in time and the outputs are held.", "Sensors and amplifiers are first-order lags where the file gives their bandwidth; the hysteresis of the piezos is not in the model.",
     m.modes.leg_loads.length ? "Gravity is included, and static loads change the stiffness." : "Gravity is not included: the file does not give it."];
   return `${rows.length ? table(["", "source", "numbers"], rows, 3) : none}<h3>Assumptions of the model</h3><ul>${model.map((x) => `<li>${x}</li>`).join("")}</ul>`;
 }
