@@ -281,7 +281,7 @@ pub struct FlexibleBodyEntry {
     /// mass times length over s²: N for kg and m, and for t and mm.
     #[serde(default)]
     pub mass_unit: MassUnit,
-    /// Mass of the body, kg, which that of the matrix must be to 1 %. Above 0. Default: not
+    /// Mass of the body, kg. Above 0. The mass of the matrix must be this to 1 %. Default: not
     /// compared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,

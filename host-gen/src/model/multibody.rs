@@ -219,7 +219,6 @@ impl Multibody {
             rows.push(first..next);
             dampers += beam.damper * whole.row(0).transpose() * whole.row(0);
         }
-        let mut factor = factor;
         for (i, body) in machine.flexible.iter().enumerate() {
             let own = layout.flexible(machine, i);
             for (&i, rows) in own.iter().zip(body.mass.row_iter()) {
