@@ -467,7 +467,7 @@ impl<'a> Controller<'a> {
             dac: &self.record.dac,
             status,
             late: self.was_late,
-            calm: self.injector.is_none(),
+            injecting: self.injector.is_some(),
         };
         let cause = self.monitors.see(table, self.mode, &sight);
         self.meter.see(table, samples, &self.record.dac);

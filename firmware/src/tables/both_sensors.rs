@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0006834201,
+    ac_limit: 0.0006855462,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -68,54 +68,54 @@ pub static TABLE: ValidTable = match (Table {
                 0.0, -0.0095162755, 0.027165847, 0.030643724, -0.027165847, -0.02112745;
                 0.028522575, -0.028522575, 0.028522575, -0.028522575, 0.028522575, -0.028522575;
             ],
-            split: [0.008302686, 0.008302686, 0.0033346748, 0.025602875, 0.025602875, 0.04533313],
+            split: [0.008310958, 0.008310958, 0.003349355, 0.025595294, 0.025595294, 0.042804815],
             }),
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.00027163335, damping: 32.963753, direct: 0.21417245, band: 315.83417, low: 0.7858276 },
-                        Section { rate: 0.004532833, damping: 5.330271, direct: 0.10393352, band: 0.090780646, low: 0.8960665 },
-                        Section { rate: 0.024974348, damping: 0.78280455, direct: 0.14266622, band: 2.2887108, low: 0.8573338 },
+                        Section { rate: 0.00028604647, damping: 32.674995, direct: 0.22374423, band: 312.65848, low: 0.7762558 },
+                        Section { rate: 0.004513794, damping: 5.3606462, direct: 0.10515567, band: 0.08485196, low: 0.89484435 },
+                        Section { rate: 0.024914758, damping: 0.782829, direct: 0.13465962, band: 2.1664102, low: 0.8653404 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00027163335, damping: 32.963753, direct: 0.21417245, band: 315.83417, low: 0.7858276 },
-                        Section { rate: 0.004532833, damping: 5.330271, direct: 0.10393352, band: 0.090780646, low: 0.8960665 },
-                        Section { rate: 0.024974348, damping: 0.78280455, direct: 0.14266622, band: 2.2887108, low: 0.8573338 },
+                        Section { rate: 0.00028604647, damping: 32.674995, direct: 0.22374423, band: 312.65848, low: 0.7762558 },
+                        Section { rate: 0.004513794, damping: 5.3606462, direct: 0.10515567, band: 0.08485196, low: 0.89484435 },
+                        Section { rate: 0.024914758, damping: 0.782829, direct: 0.13465962, band: 2.1664102, low: 0.8653404 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0005139951, damping: 23.895315, direct: 0.11830288, band: 95.54207, low: 0.8816971 },
-                        Section { rate: 0.0018539262, damping: 2.0, direct: 0.16849014, band: 0.48397377, low: 0.8315099 },
-                        Section { rate: 0.012269176, damping: 2.0, direct: 0.079013266, band: 2.595205, low: 0.9209867 },
+                        Section { rate: 0.0006913467, damping: 17.733025, direct: 0.11745237, band: 70.21957, low: 0.8825476 },
+                        Section { rate: 0.0018028637, damping: 2.0, direct: 0.16718963, band: 0.48339784, low: 0.8328104 },
+                        Section { rate: 0.012223327, damping: 2.0, direct: 0.07999637, band: 2.6445885, low: 0.92000365 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00048035063, damping: 1.5301678, direct: 0.049477324, band: 1.7095014, low: 0.95052266 },
-                        Section { rate: 0.034560803, damping: 2.0643375, direct: 1.2183028, band: -1.1056306, low: -0.21830285 },
-                        Section { rate: 0.04852268, damping: 0.45033586, direct: 0.015855692, band: 0.24469917, low: 0.98414433 },
+                        Section { rate: 0.0004826618, damping: 1.523911, direct: 0.05660095, band: 1.6919993, low: 0.9433991 },
+                        Section { rate: 0.031708, damping: 2.2511554, direct: 1.0523255, band: -0.97565097, low: -0.052325547 },
+                        Section { rate: 0.048804235, damping: 0.45742, direct: 0.016015232, band: 0.24577792, low: 0.98398477 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00048035063, damping: 1.5301678, direct: 0.049477324, band: 1.7095014, low: 0.95052266 },
-                        Section { rate: 0.034560803, damping: 2.0643375, direct: 1.2183028, band: -1.1056306, low: -0.21830285 },
-                        Section { rate: 0.04852268, damping: 0.45033586, direct: 0.015855692, band: 0.24469917, low: 0.98414433 },
+                        Section { rate: 0.0004826618, damping: 1.523911, direct: 0.05660095, band: 1.6919993, low: 0.9433991 },
+                        Section { rate: 0.031708, damping: 2.2511554, direct: 1.0523255, band: -0.97565097, low: -0.052325547 },
+                        Section { rate: 0.048804235, damping: 0.45742, direct: 0.016015232, band: 0.24577792, low: 0.98398477 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 5.293631e-5, damping: 10.38759, direct: 0.031313237, band: 13.473673, low: 0.96868676 },
-                        Section { rate: 0.024868086, damping: 2.0104444, direct: 0.06120327, band: 0.6930824, low: 0.93879676 },
-                        Section { rate: 0.075219445, damping: 0.505117, direct: 0.31198692, band: 2.0247233, low: 0.6880131 },
+                        Section { rate: 4.7695026e-5, damping: 11.47097, direct: 0.041162618, band: 14.966069, low: 0.9588374 },
+                        Section { rate: 0.021836875, damping: 2.0638406, direct: 0.050901014, band: 0.6880618, low: 0.949099 },
+                        Section { rate: 0.07347327, damping: 0.51354456, direct: 0.2857772, band: 1.8499017, low: 0.7142228 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -180,7 +180,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0x156662c3;
+pub const CHECKSUM: u32 = 0x4e1d8dc5;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

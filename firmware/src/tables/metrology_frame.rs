@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0046599507,
+    ac_limit: 0.0046993913,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,49 +53,49 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.0005767859, damping: 2.2804465, direct: 0.01675044, band: 2.1779227, low: 0.98324955 },
-                        Section { rate: 0.013856075, damping: 0.5356629, direct: 0.89761925, band: -0.05154144, low: 0.10238072 },
-                        Section { rate: 0.024277309, damping: 1.1445749, direct: 0.07056287, band: 1.5884843, low: 0.92943716 },
+                        Section { rate: 0.0006825841, damping: 1.8415427, direct: 0.14019707, band: 1.8792436, low: 0.85980296 },
+                        Section { rate: 0.015222036, damping: 0.24901153, direct: 0.99855703, band: -0.031903632, low: 0.0014429465 },
+                        Section { rate: 0.028335607, damping: 2.413316, direct: 0.0070342678, band: 0.15368316, low: 0.99296576 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0005767859, damping: 2.2804465, direct: 0.01675044, band: 2.1779227, low: 0.98324955 },
-                        Section { rate: 0.013856075, damping: 0.5356629, direct: 0.89761925, band: -0.05154144, low: 0.10238072 },
-                        Section { rate: 0.024277309, damping: 1.1445749, direct: 0.07056287, band: 1.5884843, low: 0.92943716 },
+                        Section { rate: 0.0006825841, damping: 1.8415427, direct: 0.14019707, band: 1.8792436, low: 0.85980296 },
+                        Section { rate: 0.015222036, damping: 0.24901153, direct: 0.99855703, band: -0.031903632, low: 0.0014429465 },
+                        Section { rate: 0.028335607, damping: 2.413316, direct: 0.0070342678, band: 0.15368316, low: 0.99296576 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0023629272, damping: 3.6177685, direct: 0.07972997, band: 0.7565311, low: 0.92027 },
-                        Section { rate: 0.019823406, damping: 4.1614966, direct: 0.07474768, band: 0.23573822, low: 0.9252523 },
-                        Section { rate: 0.036244467, damping: 0.6163181, direct: 0.090749055, band: 1.2865931, low: 0.909251 },
+                        Section { rate: 0.0019949728, damping: 2.9355133, direct: 0.07375566, band: 0.6317532, low: 0.9262443 },
+                        Section { rate: 0.021308187, damping: 3.350317, direct: 0.043282706, band: 0.27107915, low: 0.9567173 },
+                        Section { rate: 0.04190032, damping: 0.9878605, direct: 0.17401177, band: 1.9780325, low: 0.82598823 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.004851945, damping: 16.880213, direct: 0.074142314, band: -1.1815575, low: 0.92585766 },
-                        Section { rate: 0.015684796, damping: 5.3540344, direct: 0.359624, band: 11.944335, low: 0.64037603 },
-                        Section { rate: 0.01834348, damping: 0.22659779, direct: 0.01098365, band: 0.15130863, low: 0.98901635 },
+                        Section { rate: 0.0060252, damping: 10.344333, direct: 0.13298842, band: -1.2695352, low: 0.8670116 },
+                        Section { rate: 0.017038584, damping: 0.3337726, direct: 0.03809148, band: 1.347372, low: 0.9619085 },
+                        Section { rate: 0.025702477, damping: 1.4552326, direct: 0.05187001, band: 0.28227615, low: 0.94813 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.004851945, damping: 16.880213, direct: 0.074142314, band: -1.1815575, low: 0.92585766 },
-                        Section { rate: 0.015684796, damping: 5.3540344, direct: 0.359624, band: 11.944335, low: 0.64037603 },
-                        Section { rate: 0.01834348, damping: 0.22659779, direct: 0.01098365, band: 0.15130863, low: 0.98901635 },
+                        Section { rate: 0.0060252, damping: 10.344333, direct: 0.13298842, band: -1.2695352, low: 0.8670116 },
+                        Section { rate: 0.017038584, damping: 0.3337726, direct: 0.03809148, band: 1.347372, low: 0.9619085 },
+                        Section { rate: 0.025702477, damping: 1.4552326, direct: 0.05187001, band: 0.28227615, low: 0.94813 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.0037381551, damping: 6.7291675, direct: 0.028353961, band: 0.0061715934, low: 0.971646 },
-                        Section { rate: 0.016371626, damping: 1.2960064, direct: 0.03539844, band: 0.29957214, low: 0.9646016 },
-                        Section { rate: 0.047037378, damping: 0.63613224, direct: 0.3325492, band: 3.5808902, low: 0.6674508 },
+                        Section { rate: 0.0028982905, damping: 7.752824, direct: 0.016661718, band: 0.07272624, low: 0.9833383 },
+                        Section { rate: 0.009630527, damping: 2.7037039, direct: 0.08524398, band: 4.689634, low: 0.914756 },
+                        Section { rate: 0.07923117, damping: 0.9518247, direct: 0.24876612, band: 0.49971688, low: 0.7512339 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0x5bd87814;
+pub const CHECKSUM: u32 = 0x9640d534;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

@@ -37,7 +37,7 @@ pub static TABLE: ValidTable = match (Table {
     adc_max: AdcCode(32767),
     ac_coupling: 1.570784e-5,
     // m/s².
-    ac_limit: 0.0019534098,
+    ac_limit: 0.0022793873,
     law: Law {
         paths: Paths::Modal(Modal {
             // T_in, m/s² to √kg·m/s²
@@ -53,49 +53,49 @@ pub static TABLE: ValidTable = match (Table {
             channels: [
                 Channel {
                     sections: [
-                        Section { rate: 0.00077951007, damping: 0.6906942, direct: 0.0057271994, band: 2.8596916, low: 0.9942728 },
-                        Section { rate: 0.018136598, damping: 8.253718, direct: 0.25576496, band: -1.8959945, low: 0.74423504 },
-                        Section { rate: 0.03737167, damping: 0.33284765, direct: 0.895841, band: 19.882746, low: 0.10415901 },
+                        Section { rate: 0.00078734313, damping: 0.6910461, direct: 0.0050342944, band: 2.9235675, low: 0.99496573 },
+                        Section { rate: 0.021405267, damping: 9.277496, direct: 0.38731074, band: -3.363399, low: 0.61268926 },
+                        Section { rate: 0.035504013, damping: 0.3099924, direct: 0.73743564, band: 17.492481, low: 0.26256436 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00077951007, damping: 0.6906942, direct: 0.0057271994, band: 2.8596916, low: 0.9942728 },
-                        Section { rate: 0.018136598, damping: 8.253718, direct: 0.25576496, band: -1.8959945, low: 0.74423504 },
-                        Section { rate: 0.03737167, damping: 0.33284765, direct: 0.895841, band: 19.882746, low: 0.10415901 },
+                        Section { rate: 0.00078734313, damping: 0.6910461, direct: 0.0050342944, band: 2.9235675, low: 0.99496573 },
+                        Section { rate: 0.021405267, damping: 9.277496, direct: 0.38731074, band: -3.363399, low: 0.61268926 },
+                        Section { rate: 0.035504013, damping: 0.3099924, direct: 0.73743564, band: 17.492481, low: 0.26256436 },
                     ],
                     proportional: 199.89468, integral: 0.04417905,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 7.308061e-5, damping: 7.494879, direct: 0.35334957, band: 24.138588, low: 0.64665043 },
-                        Section { rate: 0.0150689725, damping: 3.1112196, direct: 0.0149048045, band: 0.17212601, low: 0.9850952 },
-                        Section { rate: 0.089283094, damping: 0.6545805, direct: 0.15212074, band: 1.4887487, low: 0.84787923 },
+                        Section { rate: 7.679648e-5, damping: 7.353059, direct: 0.032617968, band: 25.468647, low: 0.967382 },
+                        Section { rate: 0.014076571, damping: 3.3905478, direct: 0.048729066, band: 2.8539846, low: 0.95127094 },
+                        Section { rate: 0.093501925, damping: 0.6944389, direct: 0.5193521, band: 0.94314307, low: 0.4806479 },
                     ],
                     proportional: 401.6835, integral: 0.08855473,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 6.809339e-5, damping: 7.0437236, direct: 0.08397311, band: 24.307575, low: 0.9160269 },
-                        Section { rate: 0.024788952, damping: 1.9724962, direct: 0.052854788, band: 0.40869933, low: 0.9471452 },
-                        Section { rate: 0.07884199, damping: 0.54514307, direct: 0.1112049, band: 1.3533456, low: 0.8887951 },
+                        Section { rate: 0.0009991613, damping: 0.73677, direct: 0.014624695, band: 0.93769395, low: 0.9853753 },
+                        Section { rate: 0.008791031, damping: 4.7077503, direct: 0.07714639, band: 7.853289, low: 0.9228536 },
+                        Section { rate: 0.08101776, damping: 0.59029114, direct: 0.43800002, band: 1.0650839, low: 0.562 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 6.809339e-5, damping: 7.0437236, direct: 0.08397311, band: 24.307575, low: 0.9160269 },
-                        Section { rate: 0.024788952, damping: 1.9724962, direct: 0.052854788, band: 0.40869933, low: 0.9471452 },
-                        Section { rate: 0.07884199, damping: 0.54514307, direct: 0.1112049, band: 1.3533456, low: 0.8887951 },
+                        Section { rate: 0.0009991613, damping: 0.73677, direct: 0.014624695, band: 0.93769395, low: 0.9853753 },
+                        Section { rate: 0.008791031, damping: 4.7077503, direct: 0.07714639, band: 7.853289, low: 0.9228536 },
+                        Section { rate: 0.08101776, damping: 0.59029114, direct: 0.43800002, band: 1.0650839, low: 0.562 },
                     ],
                     proportional: 630.9227, integral: 0.13896707,
                 },
                 Channel {
                     sections: [
-                        Section { rate: 0.00012922185, damping: 7.136377, direct: 0.028114924, band: 14.790909, low: 0.9718851 },
-                        Section { rate: 0.006932669, damping: 7.4225106, direct: 0.03854361, band: 4.774935, low: 0.96145636 },
-                        Section { rate: 0.14408043, damping: 0.56025994, direct: 0.5165972, band: 1.0018443, low: 0.48340276 },
+                        Section { rate: 0.0007620193, damping: 1.1978825, direct: 0.013974459, band: 2.1430106, low: 0.9860255 },
+                        Section { rate: 0.00404702, damping: 14.053515, direct: 0.300339, band: 7.241227, low: 0.699661 },
+                        Section { rate: 0.13535969, damping: 0.5458149, direct: 0.13284458, band: 0.9571388, low: 0.86715543 },
                     ],
                     proportional: 1043.8573, integral: 0.22977613,
                 },
@@ -160,7 +160,7 @@ pub static TABLE: ValidTable = match (Table {
 };
 
 /// [`ValidTable::checksum`] of it when it was made.
-pub const CHECKSUM: u32 = 0xcdf2a72b;
+pub const CHECKSUM: u32 = 0x19d2da34;
 
 const fn p(re: f32, im: f32) -> Phasor {
     Phasor { re, im }

@@ -13,9 +13,9 @@ const USUAL: u32 = 64;
 /// it.
 const FAR: u32 = 8;
 
-/// Samples for which no spike counts after one that was not calm: a force that jumped answers for
-/// them. A closed loop of little delay undoes part of a jump of the accelerations in the next
-/// sample, which looks like a spike in every sensor.
+/// Samples after an injection in which no spike counts. Forces jump where it ends, and accelerations
+/// with them. A closed loop of little delay undoes part of that in the next sample, which looks like
+/// a spike in every sensor.
 const ECHO: u32 = 64;
 
 /// Samples that are remembered: the three before the end of a spike, rounded up to a power of
@@ -65,11 +65,11 @@ impl Jumps {
         echo: 0,
     };
 
-    /// Looks at the codes of all sensors; spikes count only some time after the last sample that
-    /// was not `calm`. Returns whether a code may have been the same for too long:
+    /// Looks at the codes of all sensors; spikes count only if `calm` and not `injecting`, nor soon
+    /// after an injection. Returns whether a code may have been the same for too long:
     /// [`Jumps::stuck`].
     #[inline]
-    pub fn see(&mut self, table: &Table, samples: &Samples, calm: bool) -> bool {
+    pub fn see(&mut self, table: &Table, samples: &Samples, injecting: bool, calm: bool) -> bool {
         self.second += 1;
         // Rates are positive and far below 2³².
         if self.second >= table.sample_rate as u32 {
@@ -92,11 +92,11 @@ impl Jumps {
         let limits = &table.supervision;
         // No jump is larger than all bits of all jumps together.
         let least = limits.spike.map(|limit| u32::from(limit).wrapping_sub(1));
-        if !calm {
+        if injecting {
             self.echo = ECHO;
         } else if self.echo > 0 {
             self.echo -= 1;
-        } else if sizes > least[0].min(least[1]) {
+        } else if calm && sizes > least[0].min(least[1]) {
             self.judge(table);
         }
         limits.stuck > 0 && still >= limits.stuck

@@ -60,9 +60,9 @@ pub struct Sight<'a> {
     pub status: Status,
     /// Whether the previous deadline was missed.
     pub late: bool,
-    /// Whether nothing is injected: forces that jump, as injected and clamped ones may, cause
+    /// Whether a signal is injected: forces that jump, as injected and clamped ones may, cause
     /// jumps in the sensors that are no spikes.
-    pub calm: bool,
+    pub injecting: bool,
 }
 
 impl Monitors {
@@ -101,13 +101,13 @@ impl Monitors {
             dac,
             status,
             late,
-            calm,
+            injecting,
         } = *sight;
         let table = table.get();
         let limits = &table.supervision;
         self.lost = 0;
         self.count_rails(status);
-        let stuck = self.jumps.see(table, samples, calm && !status.clamped);
+        let stuck = self.jumps.see(table, samples, injecting, !status.clamped);
         if mode.is_loop() && status.clamped {
             // Four up and one down, so that a limit cycle that is clamped in only some of
             // its samples counts too.
@@ -116,7 +116,7 @@ impl Monitors {
             self.saturated = self.saturated.saturating_sub(1);
         }
         let driven = mode.is_loop() || mode == Mode::Testing;
-        self.silence = if driven || !calm {
+        self.silence = if driven || injecting {
             self.silence.saturating_add(1)
         } else {
             0

@@ -8,11 +8,27 @@ use crate::progress::Progress;
 /// Factor from one weight to the next.
 const FACTOR: f64 = 2.0;
 
-/// Most Newton steps for one weight.
-const STEPS: usize = 25;
+/// When the search goes on to the next weight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Care {
+    /// Most Newton steps for one weight.
+    steps: usize,
+    /// A weight is done when a step gains less than this part of it.
+    done: f64,
+}
 
-/// A weight is done when a step gains less than this part of it: less than 0.001 dB of a level.
-const DONE: f64 = 1e-4;
+/// To compare starts, and to get inside the limits.
+pub(super) const ROUGHLY: Care = Care {
+    steps: 25,
+    done: 1e-4,
+};
+
+/// For the result. A path along limits that bend takes many steps, each of which gains little:
+/// with the numbers above it ends 10 dB above the minimum in some bands.
+pub(super) const CLOSELY: Care = Care {
+    steps: 100,
+    done: 3e-5,
+};
 
 /// Longest step of a variable.
 const LONGEST: f64 = 0.7;
@@ -43,12 +59,13 @@ fn settle<const K: usize>(
     problem: &Problem<K>,
     stage: Stage,
     weight: f64,
+    care: Care,
     x: &mut Vec<f64>,
     progress: &dyn Progress,
     enough: &impl Fn(&[f64]) -> bool,
 ) {
     let mut added = LEAST;
-    for _ in 0..STEPS {
+    for _ in 0..care.steps {
         progress.advance();
         let Some(expansion) = problem.expand(stage, weight, x) else {
             return;
@@ -63,7 +80,7 @@ fn settle<const K: usize>(
                 added *= MORE;
                 continue;
             }
-            if gain < DONE * weight {
+            if gain < care.done * weight {
                 return;
             }
             let to: Vec<f64> = x
@@ -93,12 +110,13 @@ pub(super) fn follow<const K: usize>(
     stage: Stage,
     mut x: Vec<f64>,
     [first, last]: [f64; 2],
+    care: Care,
     progress: &dyn Progress,
     enough: impl Fn(&[f64]) -> bool,
 ) -> Vec<f64> {
     let mut weight = first;
     while weight <= last {
-        settle(problem, stage, weight, &mut x, progress, &enough);
+        settle(problem, stage, weight, care, &mut x, progress, &enough);
         if enough(&x) {
             break;
         }

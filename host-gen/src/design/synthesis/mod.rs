@@ -19,6 +19,7 @@ use rayon::prelude::*;
 use shared::LEGS;
 
 use barrier::Rows;
+use descent::{CLOSELY, Care, ROUGHLY};
 use parameters::Parameters;
 use points::{Goal, Limits, Openings, Output, Point, Purpose, Source, blocks};
 use problem::{Problem, Stage};
@@ -107,9 +108,12 @@ impl Synthesis<'_> {
         }
         let set = self.drawn();
         let limits = problem.limits;
-        let mut found = None;
+        let mut found: Option<Vec<f64>> = None;
         for round in 0..ROUNDS {
-            let Some(x) = self.best_of(problem, &starts) else {
+            // From the start again: what is best then may be far from what was best before, or not.
+            let before = found.iter().map(|x| x[..n].to_vec());
+            let from: Vec<_> = starts.iter().cloned().chain(before).collect();
+            let Some(x) = self.best_of(problem, &from) else {
                 break;
             };
             problem.limits = limits;
@@ -118,7 +122,6 @@ impl Synthesis<'_> {
             if highest <= 1.0 {
                 break;
             }
-            // From the start again: what is best then may be far from what was best before.
             if round == 0 && highest < NEARLY {
                 problem.limits = limits.scaled(0.99 / highest);
             } else {
@@ -147,14 +150,14 @@ impl Synthesis<'_> {
         let coarse = problem.thinned(THINNED, true);
         let tried = starts.par_iter().filter_map(|x| {
             let x = self.inside(&coarse, x.clone())?;
-            let x = self.best(&coarse, x, [FIRST, ROUGH])?;
+            let x = self.best(&coarse, x, [FIRST, ROUGH], ROUGHLY)?;
             Some((coarse.cost(&x), x))
         });
         let tried: Vec<_> = tried.collect();
         let (_, mut x) = tried.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b))?;
         x.truncate(n);
         let x = self.inside(problem, x)?;
-        self.best(problem, x, [ROUGH, FINE])
+        self.best(problem, x, [ROUGH, FINE], CLOSELY)
     }
 
     /// The points of the loops of the perturbed machines on which a design must hold.
@@ -188,6 +191,7 @@ impl Synthesis<'_> {
                 Stage::Feasibility,
                 x,
                 [weight; 2],
+                ROUGHLY,
                 self.progress,
                 enough,
             );
@@ -207,6 +211,7 @@ impl Synthesis<'_> {
         problem: &Problem<K>,
         mut x: Vec<f64>,
         weights: [f64; 2],
+        care: Care,
     ) -> Option<Vec<f64>> {
         if problem.levels > 0 {
             let (_, levels) = problem.excess(&x)?;
@@ -219,6 +224,7 @@ impl Synthesis<'_> {
             Stage::Performance,
             x,
             weights,
+            care,
             self.progress,
             |_| false,
         ))
