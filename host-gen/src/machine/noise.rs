@@ -196,7 +196,8 @@ mod tests {
             .sum();
         let found = drift.between_samples(1e3);
         assert!((found / (sum / 1e3).sqrt() - 1.0).abs() < 1e-3, "{found}");
-        // That of the constant density above 10 Hz, a hundredth of the drift's.
-        assert!((found / 0.1 - 1.0).abs() < 0.01, "{found}");
+        // Hardly more than the constant density above 100 Hz makes alone, 0.01: what drifts slowly
+        // adds less than 2 %.
+        assert!((1.0..1.02).contains(&(found / 0.01)), "{found}");
     }
 }
