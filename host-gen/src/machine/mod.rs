@@ -10,6 +10,7 @@
 //! | `source` | texts of files, what they are based on, where an entry is |
 //! | [`schema`] | the JSON Schema of machine files |
 //! | `read` | from TOML values to the file's types |
+//! | `names` | names that do not exist, and what was meant |
 //! | `noise` | the noise of a sensor over frequency |
 //! | [`parts`] | sensors with the figures of their makers |
 //! | `sensor` | a sensor with its noise and its dynamics |
@@ -27,6 +28,7 @@ mod error;
 pub mod file;
 mod flexible;
 pub mod limits;
+mod names;
 mod noise;
 pub mod parts;
 mod read;

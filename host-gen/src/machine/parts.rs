@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::error::EntryError;
+use super::names::missing;
 
 /// A sensor of the library.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -86,46 +87,9 @@ pub(super) fn fill(machine: &mut Table) -> Result<(), EntryError> {
 pub(super) const KINDS: [&str; 2] = ["accelerometer", "force_sensor"];
 
 fn unknown(entry: String, kind: &str, name: &str) -> EntryError {
-    let known = all().get(kind).into_iter().flatten().map(|(name, _)| name);
-    let near = known.min_by_key(|known| distance(name, known));
-    match near {
-        Some(near) if distance(name, near) <= 1 + near.len() / 3 => {
-            let message = format!("no sensor \"{name}\" is known; did you mean \"{near}\"?");
-            EntryError::new(entry, message).fix("host-gen parts lists the sensors")
-        }
-        _ => {
-            let words = kind.replace('_', " ");
-            let message = format!("no {words} \"{name}\" is known");
-            EntryError::new(entry, message)
-                .fix("give its figures as keys; host-gen parts lists the sensors that are known")
-        }
-    }
-}
-
-/// How many letters must be inserted, removed or replaced to make `a` of `b`.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = i;
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn distances_are_counts_of_letters() {
-        for (a, b, expected) in [("", "abc", 3), ("kitten", "sitting", 3), ("86", "86", 0)] {
-            assert_eq!(distance(a, b), expected);
-        }
-    }
+    let words = kind.replace('_', " ");
+    let known = all().get(kind).into_iter().flatten();
+    let known = known.map(|(name, _)| name.as_str());
+    let fix = "give its figures as keys; host-gen parts lists the sensors that are known";
+    missing(entry, &words, name, known, fix)
 }

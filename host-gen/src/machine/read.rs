@@ -4,6 +4,7 @@ use serde_path_to_error::{Path, Segment};
 
 use super::error::EntryError;
 use super::file::MachineFile;
+use super::names::nearest;
 use super::schema::{summary, unit};
 
 /// The file that a table of keys and values is.
@@ -25,10 +26,19 @@ fn refusal(entry: String, path: &Path, message: &str) -> EntryError {
         _ => None,
     });
     let (what, expected) = message.split_once(", expected ").unwrap_or((message, ""));
+    let unknown = |what: &str, name: &str| {
+        // Names are between back-quotes.
+        let known = expected.split('`').skip(1).step_by(2);
+        let near = nearest(name.trim_matches('`'), known);
+        let meant = near.map(|near| format!("did you mean `{near}`? Otherwise "));
+        let meant = meant.unwrap_or_default();
+        EntryError::new(entry.clone(), format!("unknown {what} {name}"))
+            .fix(format!("{meant}use {expected}"))
+    };
     if let Some(name) = what.strip_prefix("unknown field ") {
-        EntryError::new(entry, format!("unknown key {name}")).fix(format!("use {expected}"))
+        unknown("key", name)
     } else if let Some(name) = what.strip_prefix("unknown variant ") {
-        EntryError::new(entry, format!("unknown value {name}")).fix(format!("use {expected}"))
+        unknown("value", name)
     } else if let Some(name) = what.strip_prefix("missing field ") {
         let error = EntryError::new(entry, format!("missing key {name}"));
         match summary(keys.chain([Some(name.trim_matches('`'))])) {

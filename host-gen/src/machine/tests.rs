@@ -323,7 +323,7 @@ fn wrong_in_code() {
     );
     assert_eq!(
         refused(|file| file.beams["leg4"].nodes[1] = "n33".to_owned()),
-        "beams.leg4.nodes: node \"n33\" does not exist; add it under [nodes]"
+        "beams.leg4.nodes: node \"n33\" does not exist; did you mean \"n3\"? Otherwise add it under [nodes]"
     );
     assert_eq!(
         refused(|file| file.simulation.seed = 1 << 63),

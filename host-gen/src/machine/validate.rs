@@ -22,6 +22,7 @@ use super::file::{
 };
 use super::flexible::flexible_body;
 use super::limits::{self, Limits};
+use super::names::missing;
 use super::sensor::{bandwidth, sensor};
 use super::source::{Source, has};
 use crate::floor::{Floor, Spectrum};
@@ -362,10 +363,8 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
     let mut carriers: Vec<Option<Carrier>> = vec![None; file.nodes.len()];
     let mut claim = |entry: &str, name: &str, carrier: Carrier| {
         let Some(index) = file.nodes.get_index_of(name) else {
-            return Err(
-                EntryError::new(entry, format!("node \"{name}\" does not exist"))
-                    .fix("add it under [nodes]"),
-            );
+            let known = file.nodes.keys().map(String::as_str);
+            return Err(missing(entry, "node", name, known, "add it under [nodes]"));
         };
         if carriers[index].is_some() {
             return Err(
@@ -508,11 +507,9 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                 (Some(profile), None) => {
                     let entry_of_use = format!("{entry}.profile");
                     let set = file.profiles.get(profile).ok_or_else(|| {
-                        EntryError::new(
-                            entry_of_use,
-                            format!("profile \"{profile}\" does not exist"),
-                        )
-                        .fix("add it under [profiles]")
+                        let known = file.profiles.keys().map(String::as_str);
+                        let fix = "add it under [profiles]";
+                        missing(entry_of_use, "profile", profile, known, fix)
                     })?;
                     (format!("profiles.{profile}"), set)
                 }
@@ -943,11 +940,9 @@ fn robustness(
             .map(|name| {
                 let found = bodies.iter().position(|body| body.name == *name);
                 found.ok_or_else(|| {
-                    EntryError::new(
-                        "robustness.payload",
-                        format!("body \"{name}\" does not exist"),
-                    )
-                    .fix("use names under [bodies]")
+                    let known = bodies.iter().map(|body| body.name.as_str());
+                    let fix = "use names under [bodies]";
+                    missing("robustness.payload", "body", name, known, fix)
                 })
             })
             .collect::<Checked<Vec<_>>>()?,
@@ -982,8 +977,8 @@ fn node_index(entry: &str, nodes: &[Node], name: &str) -> Checked<usize> {
         .iter()
         .position(|node| node.name == name)
         .ok_or_else(|| {
-            EntryError::new(entry, format!("node \"{name}\" does not exist"))
-                .fix("add it under [nodes]")
+            let known = nodes.iter().map(|node| node.name.as_str());
+            missing(entry, "node", name, known, "add it under [nodes]")
         })
 }
 
@@ -999,8 +994,8 @@ impl Names {
             .iter()
             .position(|beam| beam.name == name)
             .ok_or_else(|| {
-                EntryError::new(entry, format!("beam \"{name}\" does not exist"))
-                    .fix("add it under [beams]")
+                let known = self.beams.iter().map(|beam| beam.name.as_str());
+                missing(entry, "beam", name, known, "add it under [beams]")
             })
     }
 

@@ -44,7 +44,7 @@ fn unknown_key() {
         "mas = 742.0",
         "mas = 742.0",
         "bodies.frame.mas",
-        "unknown key `mas`; use one of `mass`",
+        "unknown key `mas`; did you mean `mass`? Otherwise use one of `mass`",
     );
     refused(
         "seed = 1",

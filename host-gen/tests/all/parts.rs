@@ -98,7 +98,7 @@ fn unknown_sensors_are_refused() {
         (
             "sensor = \"geophone\"",
             "sensor",
-            "no accelerometer \"geophone\" is known",
+            "accelerometer \"geophone\" does not exist; give its figures",
         ),
         ("sensor = 86", "sensor", "expected a string"),
         ("sensor = \"adxl355\"", "", "missing key `sensitivity`"),
@@ -116,7 +116,9 @@ fn unknown_sensors_are_refused() {
     let force = edited(&[("board.force_sensor.sensor", "\"x\"")]);
     let error = parse(&force).unwrap_err();
     assert!(
-        error.to_string().contains("no force sensor \"x\" is known"),
+        error
+            .to_string()
+            .contains("force sensor \"x\" does not exist; give"),
         "{error}"
     );
 }
