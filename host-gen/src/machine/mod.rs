@@ -83,8 +83,8 @@ impl Machine {
         validate::machine(file, Source::default())
     }
 
-    fn from_table(source: Source, mut table: toml::Table) -> Result<Self, MachineError> {
-        match parts::fill(&mut table).and_then(|()| read::file(table)) {
+    fn from_table(source: Source, table: toml::Table) -> Result<Self, MachineError> {
+        match read::file(table) {
             Ok(file) => validate::machine(file, source),
             Err(error) => Err(source.locate(error)),
         }

@@ -51,16 +51,17 @@ impl Display for Part {
     }
 }
 
-/// Puts the figures of the sensors that a machine's table names into it, below its own keys, and
-/// takes the names out.
+/// Puts the figures of the sensors that one file's table names into it, below its own keys, and
+/// takes the names out. Returns the kinds whose sensors are named.
 ///
 /// # Errors
 /// If a name is no string or not in the library.
-pub(super) fn fill(machine: &mut Table) -> Result<(), EntryError> {
+pub(super) fn fill(file: &mut Table) -> Result<Vec<&'static str>, EntryError> {
+    let mut named = Vec::new();
     for kind in KINDS {
-        let board = machine.get_mut("board").and_then(Value::as_table_mut);
-        let sensor = board.and_then(|board| board.get_mut(kind)?.as_table_mut());
-        let Some(sensor) = sensor else { continue };
+        let Some(sensor) = sensor(file, kind) else {
+            continue;
+        };
         let Some(name) = sensor.remove("sensor") else {
             continue;
         };
@@ -79,9 +80,36 @@ pub(super) fn fill(machine: &mut Table) -> Result<(), EntryError> {
                 sensor.insert(key.clone(), value.clone());
             }
         }
+        named.push(kind);
     }
-    Ok(())
+    Ok(named)
 }
+
+/// Takes the figures of the sensors of these `kinds` out of the table of a file below one that names
+/// others: they are not those of the named sensors.
+pub(super) fn replace(below: &mut Table, kinds: &[&str]) {
+    for kind in kinds {
+        if let Some(sensor) = sensor(below, kind) {
+            sensor.retain(|key, _| !FIGURES.contains(&key));
+        }
+    }
+}
+
+/// The table of the sensors of a kind.
+fn sensor<'a>(file: &'a mut Table, kind: &str) -> Option<&'a mut Table> {
+    let board = file.get_mut("board")?.as_table_mut()?;
+    board.get_mut(kind)?.as_table_mut()
+}
+
+/// The keys that are figures of a sensor, not of the board that it is on.
+const FIGURES: [&str; 6] = [
+    "sensitivity",
+    "noise_density",
+    "bandwidth",
+    "lower_corner",
+    "lower_order",
+    "resonance",
+];
 
 /// The tables of `[board]` that may name a sensor.
 pub(super) const KINDS: [&str; 2] = ["accelerometer", "force_sensor"];

@@ -9,6 +9,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use super::error::{EntryError, MachineError};
+use super::parts;
 
 /// The longest chain of files that are each based on the next.
 const DEPTH: usize = 8;
@@ -39,7 +40,7 @@ impl PartialEq for Source {
 
 impl Source {
     /// Reads `path` and what it is based on; gives the keys of all, those of a
-    /// file over those of its base.
+    /// file over those of its base, with the figures of the sensors that are named.
     pub fn read(path: &Path) -> Result<(Self, Table), MachineError> {
         let text = fs::read_to_string(path).map_err(|error| {
             let message = format!("cannot be read: {error}");
@@ -52,6 +53,7 @@ impl Source {
     pub fn parse(path: &Path, text: &str) -> Result<(Self, Table), MachineError> {
         let mut source = Self::default();
         let mut merged = source.add(path, text)?;
+        let mut named = parts::fill(&mut merged).map_err(|error| source.locate(error))?;
         while let Some(base) = merged.remove("based_on") {
             let Value::String(base) = base else {
                 return Err(source.unfounded("must be the path of a machine file"));
@@ -70,6 +72,9 @@ impl Source {
                 source.unfounded(message)
             })?;
             let mut below = source.add(&file, &text)?;
+            let own = parts::fill(&mut below).map_err(|error| source.locate(error))?;
+            parts::replace(&mut below, &named);
+            named.extend(own);
             merge(&mut below, merged);
             merged = below;
         }

@@ -1,9 +1,11 @@
 //! The library of sensors against the figures of its sources, and in machine files.
 
+use host_gen::closed_loop::SampledLoop;
+use host_gen::design::Study;
 use host_gen::machine::{Machine, MachineError, parts};
 use toml::{Table, Value};
 
-use crate::common::parse;
+use crate::common::{parse, search};
 use crate::edits::{edited, set};
 
 /// The metrology frame with this table of accelerometers.
@@ -121,4 +123,54 @@ fn unknown_sensors_are_refused() {
             .contains("force sensor \"x\" does not exist; give"),
         "{error}"
     );
+}
+
+/// A variant of a file that names a sensor has its figures and none of those of the file below; what
+/// belongs to the board stays.
+#[test]
+fn a_variant_may_name_another_sensor() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut table: Table = edited(&[]).parse().unwrap();
+    let below = "sensitivity = 20.0\nnoise_density = 1e-7\noffset = 2e-3\nbandwidth = 3e3";
+    let below: Table = below.parse().unwrap();
+    set(&mut table, "board.accelerometer", Value::Table(below));
+    std::fs::write(folder.path().join("below.toml"), table.to_string()).unwrap();
+    let variant = |keys: &str| {
+        let file = folder.path().join("variant.toml");
+        let text = format!("based_on = \"below.toml\"\n[board.accelerometer]\n{keys}");
+        std::fs::write(&file, text).unwrap();
+        Machine::load(&file)
+    };
+    let named = variant("sensor = \"endevco-86\"\nsensitivity = 5.0").unwrap();
+    let alone = with("sensor = \"endevco-86\"\nsensitivity = 5.0\noffset = 2e-3").unwrap();
+    assert_eq!(named.board, alone.board);
+    // This library entry has no sensitivity, and that of another sensor does not stand in.
+    let error = variant("sensor = \"adxl355\"").unwrap_err().to_string();
+    assert!(error.contains("missing key `sensitivity`"), "{error}");
+    let error = variant("sensor = \"endevco-68\"").unwrap_err().to_string();
+    assert!(error.contains("variant.toml:3:"), "{error}");
+}
+
+/// A sensor that resonates within the band of the loop is fed back, and the loop stands it if the
+/// resonance lies a little elsewhere.
+#[test]
+fn a_sensor_may_resonate_in_the_band_of_the_loop() {
+    let machine = |more: &str| {
+        let sensor = format!("{{ sensor = \"endevco-86\", sensitivity = 20.0{more} }}");
+        let law = ("control.law", "\"modal\"");
+        parse(&edited(&[law, ("board.accelerometer", &sensor)])).unwrap()
+    };
+    let study = Study::new(machine("")).unwrap();
+    let design = search().design(&study).unwrap();
+    assert!(design.bands[0].sampled_db < -50.0, "{:?}", design.bands);
+    for resonance in [
+        "{ hz = 370.0, damping = 0.02 }",
+        "{ hz = 360.0, damping = 0.02 }",
+        "{ hz = 380.0, damping = 0.02 }",
+        "{ hz = 370.0, damping = 0.01 }",
+    ] {
+        let other = Study::new(machine(&format!(", resonance = {resonance}"))).unwrap();
+        let closed = SampledLoop::new(other.plant(), &design.table);
+        assert!(closed.is_stable_with(&[1.0]), "{resonance}");
+    }
 }

@@ -454,8 +454,21 @@ impl Synthesis<'_> {
             }
         };
         let beyond = 0.4 * self.study.machine().board.sample_rate;
+        // A section that turns the resonance of the sensors into a faster, damped pair of poles.
+        let sensor = &self.study.machine().board.sensor;
+        let inverse = sensor.resonance.map(|peak| Filter {
+            zeros: Resonance {
+                hz: peak.hz,
+                damping: peak.damping,
+            },
+            poles: Resonance {
+                hz: fastest.max(peak.hz),
+                damping: 1.0,
+            },
+        });
         let shape = |lags: [f64; 2], zero: f64, split: f64| {
-            let mut sections = [neutral(0.25), neutral(0.25), neutral(0.06)];
+            let second = inverse.unwrap_or(neutral(0.25));
+            let mut sections = [neutral(0.25), second, neutral(0.06)];
             sections[0] = Filter {
                 zeros: Resonance::real([zero, beyond]),
                 poles: Resonance::real(lags),
