@@ -99,7 +99,10 @@ error: bodies.frame.mass: mass must be above 0 kg, not -742
         assert_eq!(marked(&typed).0, "mass = \"heavy\"", "{typed}");
         let unknown = shown("mass = 742.0", "mas = 742.0");
         assert_eq!(marked(&unknown).0, "mas = 742.0", "{unknown}");
-        assert!(unknown.contains("= help: use one of `mass`"), "{unknown}");
+        assert!(
+            unknown.contains("= help: did you mean `mass`? Otherwise use one of `mass`"),
+            "{unknown}"
+        );
         let syntax = shown("mass = 742.0", "mass = = 742.0");
         assert_eq!(place(&syntax), "m.toml:37:8", "{syntax}");
         assert_eq!(marked(&syntax).0, "=", "{syntax}");
