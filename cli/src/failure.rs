@@ -9,6 +9,7 @@ use host_gen::design::{DesignError, StudyError};
 use host_gen::floor::SpectrumError;
 use host_gen::machine::MachineError;
 use host_gen::report::plots::PlotError;
+use host_gen::simulate::OtherBoard;
 
 /// The error of a command.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +44,8 @@ pub enum Failure {
         "{}: the file has no floor.spectrum; give it, or one of --criterion, --white, --spectrum and --record", .0.display()
     )]
     NoFloor(std::path::PathBuf),
+    #[error("--truth {path}: {error}")]
+    Truth { path: String, error: OtherBoard },
     #[error(transparent)]
     Link(#[from] LinkError),
     #[error(transparent)]

@@ -1,14 +1,15 @@
 //! The complete controller of a board: table, step, supervisor, injection and recorder.
 //! [`Controller::on_sample`] runs once per sample; requests come in between.
 
-use heapless::{Deque, HistoryBuf};
+use heapless::{Deque, HistoryBuf, Vec};
 use serde::{Deserialize, Serialize};
 
 use crate::LEGS;
 use crate::codes::{DacCode, LegForces, Samples};
-use crate::injection::{Injection, Injector, Next, Point, Signal, UNASKED};
+use crate::injection::{Injection, Injector, Signal, UNASKED};
 use crate::levels::{Levels, Meter};
 use crate::monitors::{Monitors, Sight};
+use crate::multisine::{LINES, Line, LineParts, Multisine, Slot};
 use crate::recorder::{Record, Recorded, Recorder, Recording};
 use crate::self_test::{Answer, Course, Probe, Verdict};
 use crate::step::{Ahead, Demand, Latched, State, Status, follow, larger};
@@ -180,8 +181,8 @@ const WAITING: usize = 8;
 pub struct Memory<'a> {
     /// For recordings.
     pub records: &'a mut [Record],
-    /// For the period of a multisine; a longer one is refused. Its content does not matter.
-    pub period: &'a mut [Point],
+    /// For the lines of a multisine.
+    pub lines: &'a mut [Slot],
 }
 
 impl Memory<'_> {
@@ -189,7 +190,7 @@ impl Memory<'_> {
     pub const fn none() -> Self {
         Self {
             records: &mut [],
-            period: &mut [],
+            lines: &mut [],
         }
     }
 }
@@ -247,10 +248,7 @@ pub struct Controller<'a> {
     snapshot: HistoryBuf<Record, SNAPSHOT>,
     recorder: Recorder<'a>,
     meter: Meter,
-    /// Memory of the injector.
-    period: &'a mut [Point],
-    /// The multisine whose period it holds.
-    filled: Option<Signal>,
+    multisine: Multisine<'a>,
     /// Telemetry queues one sample in `every`; 0 for none.
     every: u32,
     /// Samples before the one that is queued next.
@@ -300,8 +298,7 @@ impl<'a> Controller<'a> {
             failing: (dac, 0),
             snapshot: HistoryBuf::new(),
             recorder: Recorder::new(memory.records),
-            period: memory.period,
-            filled: None,
+            multisine: Multisine::new(memory.lines),
             meter: Meter::NEW,
             every: 0,
             until: 0,
@@ -490,15 +487,11 @@ impl<'a> Controller<'a> {
         let Some(injector) = &mut self.injector else {
             return;
         };
-        match injector.advance(self.period) {
-            Next::Waits | Next::Goes => {}
-            Next::Begins => {
-                // As was said at its start, unless samples were lost.
-                self.injected = self.at + 1;
-                self.injection_begins = true;
-                self.filled = Some(injector.signal());
-            }
-            Next::Ends => self.stop_injection(),
+        if injector.signal() == Signal::Multisine {
+            self.multisine.see(&self.record);
+        }
+        if !injector.advance(&self.multisine) {
+            self.stop_injection();
         }
         self.end_unasked_injection();
     }
@@ -771,36 +764,53 @@ impl<'a> Controller<'a> {
     }
 
     /// Starts an injection and ends a running one. It ends after its duration, with a fault,
-    /// or when no request has come for [`UNASKED`] seconds. A multisine begins when its period has
-    /// been computed.
+    /// or when no request has come for [`UNASKED`] seconds.
     ///
     /// # Errors
     /// [`Refusal::Mode`] unless the mode is [`Mode::Idle`] or [`Mode::Closed`],
-    /// [`Refusal::Range`] if the injection exceeds the table's limits, or the period of a multisine
-    /// is longer than the memory for it.
+    /// [`Refusal::Range`] if the injection exceeds the table's limits, or is a multisine without
+    /// lines.
     pub fn start_injection(&mut self, injection: Injection) -> Result<(), Refusal> {
         if !matches!(self.mode, Mode::Idle | Mode::Closed) {
             return Err(Refusal::Mode);
         }
-        let room = match injection.signal {
-            Signal::Multisine { period, .. } => period as usize <= self.period.len(),
-            Signal::Sine { .. } | Signal::Sweep { .. } | Signal::Noise { .. } => true,
-        };
-        if !room || !injection.is_within(&self.table) {
+        if !injection.is_within(&self.table, &self.multisine) {
             return Err(Refusal::Range);
         }
-        let filled = (self.filled == Some(injection.signal)).then_some(&*self.period);
-        let injector = Injector::new(&self.table, injection, filled);
-        self.monitors.heard();
-        let waits = injector.waits();
-        if waits > 0 {
-            self.filled = None;
+        if injection.signal == Signal::Multisine {
+            self.multisine.begin();
         }
-        self.injected = self.at + u64::from(waits);
-        self.injection_begins = waits == 0;
+        let injector = Injector::new(&self.table, injection, &self.multisine);
+        self.monitors.heard();
+        self.injected = self.at;
+        self.injection_begins = true;
         self.injector = Some(injector);
         self.prepare();
         Ok(())
+    }
+
+    /// Sets the lines of the multisine, and its windows of 2^`window` samples.
+    ///
+    /// # Errors
+    /// [`Refusal::Mode`] while a multisine is injected, [`Refusal::Range`] if a number is outside
+    /// its range or there is not enough memory.
+    pub fn set_multisine(&mut self, window: u8, lines: &Vec<Line, LINES>) -> Result<(), Refusal> {
+        let signal = self.injector.as_ref().map(Injector::signal);
+        if signal == Some(Signal::Multisine) {
+            return Err(Refusal::Mode);
+        }
+        if !self.multisine.set(window, lines) {
+            return Err(Refusal::Range);
+        }
+        Ok(())
+    }
+
+    /// The answers at line `index` of the multisine in the last whole window.
+    ///
+    /// # Errors
+    /// [`Refusal::Range`] without such a line.
+    pub fn line(&self, index: usize) -> Result<LineParts, Refusal> {
+        self.multisine.answer(index).ok_or(Refusal::Range)
     }
 
     /// Starts a recording and drops the last one.

@@ -17,6 +17,7 @@
 //! | [`recorder`] | a ring buffer of samples at full rate |
 //! | [`table`] | every number that configures a board, its validation and its encoding |
 //! | [`step`] | the controller step, from ADC codes to DAC codes |
+//! | [`multisine`] | sums of sines, and the part of every channel at each of them |
 //! | [`injection`] | test signals added to the leg forces |
 //! | [`supervisor`] | modes, the events that change them, faults |
 //! | `monitors` | faults of sensors, outputs and the board, found in every sample |
@@ -50,6 +51,7 @@ pub mod codes;
 pub mod recorder;
 pub mod table;
 pub mod step;
+pub mod multisine;
 pub mod injection;
 pub mod supervisor;
 mod monitors;

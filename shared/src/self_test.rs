@@ -9,7 +9,7 @@
 
 use crate::LEGS;
 use crate::codes::{DacCode, LegForces};
-use crate::injection::sine;
+use crate::multisine::sine;
 use crate::step::{Values, larger};
 use crate::supervisor::Cause;
 use crate::table::{Phasor, SelfTest, Table};

@@ -6,10 +6,11 @@ use common::{DIRECT, SELF_TEST, SUPERVISION, table};
 use nalgebra::Matrix6;
 use proptest::prelude::*;
 use shared::LEGS;
-use shared::codes::{AdcCode, DacCode, LegForces, Samples};
+use shared::codes::{AdcCode, DacCode, Samples};
 use shared::controller::{Controller, Memory, Reading, Refusal};
-use shared::injection::{Injection, Injector, Next, PERIOD, Signal};
+use shared::injection::{Injection, Signal};
 use shared::link::{Answer, Cutter, FRAME, Packet, Reply, Request, Server, VERSION, encode};
+use shared::multisine::{LINES, Line, Multisine, Slot};
 use shared::recorder::{Record, Recorded, Recording, Trigger};
 use shared::supervisor::{Cause, Event, Mode};
 use shared::table::{
@@ -538,61 +539,17 @@ fn the_recorder_holds_the_injection() {
     assert_eq!(bench.controller.recording(40), None);
 }
 
-/// A multisine against its formula, and what is out of range.
+/// What is out of range.
 #[test]
-fn injections_are_what_they_say() {
+fn injections_have_limits() {
     let table = plain();
-    let one = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    let multisine = |first, apart, count, period| Injection {
-        signal: Signal::Multisine {
-            period,
-            first,
-            apart,
-            count,
-        },
-        legs: one,
-        samples: 3000,
-    };
-    let good = multisine(3, 5, 20, 1000);
-    assert!(good.is_within(&table));
-    let mut memory = [[f32::NAN; 2]; 1000];
-    let mut injector = Injector::new(&table, good, None);
-    let waits = injector.waits();
-    for _ in 1..waits {
-        assert_eq!(injector.advance(&mut memory), Next::Waits);
-        assert_eq!(injector.forces(), LegForces::ZERO);
-    }
-    assert_eq!(injector.advance(&mut memory), Next::Begins);
-    for n in 0..3000 {
-        let expected: f64 = (0..20)
-            .map(|k| {
-                let k = f64::from(k);
-                let shift = (1000.0 * k * k / 40.0).round() / 1000.0;
-                let turns = (3.0 + 5.0 * k) * f64::from(n % 1000) / 1000.0 - shift;
-                (core::f64::consts::TAU * turns).sin()
-            })
-            .sum();
-        let found = f64::from(injector.forces().0[0]);
-        // Twenty roundings of 3e-7 and their sum's.
-        assert!((found - expected).abs() < 2e-5, "{n}");
-        let next = if n < 2999 { Next::Goes } else { Next::Ends };
-        assert_eq!(injector.advance(&mut memory), next);
-    }
-    // With the period complete, there is nothing to wait for.
-    let again = Injector::new(&table, good, Some(&memory));
-    assert_eq!(again.waits(), 0);
-    assert_eq!(again.forces().0[0], memory[0][1]);
+    let no_lines = Multisine::new(&mut []);
     let sine = |hz, size: f32| Injection {
         signal: Signal::Sine { hz },
         legs: [size; LEGS],
         samples: 10,
     };
     for bad in [
-        multisine(0, 5, 20, 1000),
-        multisine(3, 30, 20, 1000),
-        multisine(3, 0, 2, 1000),
-        multisine(1, 1, 65, 1000),
-        multisine(1, 1, 64, PERIOD + 1),
         sine(10_001.0, 1.0),
         sine(f32::NAN, 1.0),
         sine(50.0, 200.1),
@@ -602,8 +559,12 @@ fn injections_are_what_they_say() {
             samples: 0,
             ..sine(50.0, 1.0)
         },
+        Injection {
+            signal: Signal::Multisine,
+            ..sine(50.0, 1.0)
+        },
     ] {
-        assert!(!bad.is_within(&table), "{bad:?}");
+        assert!(!bad.is_within(&table, &no_lines), "{bad:?}");
     }
 }
 
@@ -634,6 +595,106 @@ fn answer(
             }
         })
         .collect()
+}
+
+/// A signal in one leg makes its sensor unlike the others. With the loop open that is no fault, nor
+/// soon after it; with the loop closed it is one.
+#[test]
+fn a_test_signal_does_not_make_sensors_implausible() {
+    let injection = Injection {
+        signal: Signal::Noise { seed: 1 },
+        legs: [100.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        samples: 400,
+    };
+    let mut bench = Bench::new(&mut []);
+    bench.reach_idle();
+    bench.controller.start_injection(injection).unwrap();
+    bench.run(500);
+    assert_eq!(
+        (bench.mode(), bench.controller.report().injecting),
+        (Mode::Idle, 0)
+    );
+    bench.reach_closed();
+    bench.controller.start_injection(injection).unwrap();
+    bench.run(500);
+    let fault = bench.controller.report().fault.map(|fault| fault.cause);
+    assert!(matches!(fault, Some(Cause::Implausible(_))), "{fault:?}");
+}
+
+/// None is quiet beside the others.
+const LEG_SIZES: [f32; LEGS] = [1.0, -1.0, 0.5, 1.0, -1.5, -2.0];
+
+/// What the legs did at each line comes over the link: what was injected, in codes.
+#[test]
+fn a_multisine_is_measured_over_the_link() {
+    let mut slots = [Slot::EMPTY; LINES];
+    let mut bench = Bench::new(&mut []);
+    let memory = Memory {
+        lines: &mut slots,
+        ..Memory::none()
+    };
+    bench.controller = Controller::new(plain(), plain().checksum(), memory);
+    bench.reach_idle();
+    let (mut cutter, mut server) = (Cutter::new(), Server::new());
+    let hello = frame(0, 1, Request::Hello(5));
+    let session = answer(&hello, &mut cutter, &mut server, &mut bench.controller)[0].session;
+    let mut sequence = 1;
+    let mut say = |bench: &mut Bench<'_>, body| {
+        sequence += 1;
+        let bytes = frame(session, sequence, body);
+        answer(&bytes, &mut cutter, &mut server, &mut bench.controller)
+            .remove(0)
+            .body
+    };
+    let lines: heapless::Vec<Line, LINES> = (0..LINES as u32)
+        .map(|k| Line {
+            turns: 2 + 3 * k,
+            amplitude: 0.1 * k as f32,
+        })
+        .collect();
+    let injection = Injection {
+        signal: Signal::Multisine,
+        legs: LEG_SIZES,
+        samples: 3 * 2048 + 16,
+    };
+    let refused = |why| Reply::Refused(why);
+    let set = || Request::Multisine(11, lines.clone());
+    assert_eq!(
+        say(&mut bench, Request::Inject(injection)),
+        refused(Refusal::Range)
+    );
+    assert_eq!(say(&mut bench, Request::Line(0)), refused(Refusal::Range));
+    assert_eq!(say(&mut bench, set()), Reply::Done);
+    assert_eq!(say(&mut bench, Request::Inject(injection)), Reply::Done);
+    assert_eq!(say(&mut bench, set()), refused(Refusal::Mode));
+    bench.run(3 * 2048 + 15);
+    assert_eq!(bench.controller.report().injecting, 1);
+    bench.run(1);
+    assert_eq!(bench.controller.report().injecting, 0);
+    for k in 0..LINES {
+        let Reply::Line(line) = say(&mut bench, Request::Line(k as u8)) else {
+            panic!("line {k}");
+        };
+        assert_eq!(line.windows, 3);
+        // Re(X·e^(jωt)) = a·sin(ωt − πk²/32), and 131.072 codes per newton.
+        let phase = core::f64::consts::PI * ((k * k) as f64 / 32.0 + 0.5);
+        for (leg, size) in LEG_SIZES.iter().enumerate() {
+            let size = f64::from(*size) * 131.072 * 0.1 * k as f64;
+            let [re, im] = line.parts[2 * LEGS + leg].map(f64::from);
+            let error = (re - size * phase.cos()).hypot(im + size * phase.sin());
+            // Rounded codes over 2048 samples.
+            assert!(error < 0.05, "line {k}, leg {leg}: {re} {im}");
+        }
+    }
+    assert_eq!(say(&mut bench, Request::Line(32)), refused(Refusal::Range));
+    // Another one begins at its first window.
+    assert_eq!(say(&mut bench, set()), Reply::Done);
+    assert_eq!(say(&mut bench, Request::Inject(injection)), Reply::Done);
+    bench.run(100);
+    let Reply::Line(line) = say(&mut bench, Request::Line(3)) else {
+        panic!("there is one");
+    };
+    assert_eq!((line.windows, line.parts), (0, [[0.0; 2]; 3 * LEGS]));
 }
 
 /// Sessions, old frames and frames of others; the longest answer fits.
@@ -670,6 +731,17 @@ fn the_link_refuses_what_is_not_its_own() {
         session: u32::MAX,
         sequence: u32::MAX,
         body: Reply::Records([record; 8].into_iter().collect()),
+    };
+    assert!(encode(&longest).unwrap().len() <= FRAME);
+    let line = Line {
+        turns: u32::MAX,
+        amplitude: 1.0,
+    };
+    let longest = Packet {
+        version: VERSION,
+        session: u32::MAX,
+        sequence: u32::MAX,
+        body: Request::Multisine(20, [line; LINES].into_iter().collect()),
     };
     assert!(encode(&longest).unwrap().len() <= FRAME);
 }

@@ -7,6 +7,8 @@ stop. Says what it saw; ends with 1 where the board does something else than the
 document says.
 """
 
+import cmath
+import math
 import os
 import socket
 import struct
@@ -111,7 +113,7 @@ class Board:
     def packet(self, request, body=b"", session=None, sequence=None):
         session = self.session if session is None else session
         sequence = self.sequence if sequence is None else sequence
-        return b"\x02" + varint(session) + varint(sequence) + varint(request) + body
+        return b"\x03" + varint(session) + varint(sequence) + varint(request) + body
 
     def send(self, packet):
         crc = zlib.crc32(packet).to_bytes(4, "little")
@@ -127,7 +129,7 @@ class Board:
         packet, crc = data[:-4], data[-4:]
         assert zlib.crc32(packet).to_bytes(4, "little") == crc, "checksum"
         reader = Reader(packet)
-        assert reader.byte() == 2, "version"
+        assert reader.byte() == 3, "version"
         return reader.u(), reader.u(), reader.u(), reader
 
     def ask(self, request, body=b""):
@@ -233,6 +235,23 @@ assert all(rms < 255 and rms >= crest for rms, crest in sensors)
 assert all(level == (255, 255) for level in forces) and load == 0
 while board.report()["injecting"]:
     time.sleep(0.01)
+turns = [3, 17]
+lines = b"".join(varint(t) + f32(1.0 + k) for k, t in enumerate(turns))
+board.done(18, bytes([12]) + varint(len(turns)) + lines)
+board.done(8, varint(2) + legs + varint(2 * 4096 + 15))  # the multisine
+while board.report()["injecting"]:
+    time.sleep(0.01)
+for k, t in enumerate(turns):
+    kind, reader = board.ask(19, bytes([k]))
+    windows = reader.u()
+    parts = [complex(reader.f(), reader.f()) for _ in range(18)]
+    assert (kind, windows) == (9, 2)
+    # Re(X·e^(jωt)) is 10·(1 + k)·sin(ωt − πk²/2), N; codes per newton are the table's.
+    expected = 10.0 * (1 + k) * cmath.exp(-1j * math.pi * (k * k / 2 + 0.5))
+    ratio = parts[12] / expected
+    assert abs(ratio.imag) < 1e-3 * ratio.real, (k, ratio)
+    assert all(abs(part) < 1e-3 * abs(parts[12]) for part in parts[13:]), "other legs"
+    print("line", k, "of the multisine:", round(abs(parts[12])), "codes")
 board.done(4)
 print("closed at", board.until("Closed")["at"])
 kind, reader = board.ask(4)

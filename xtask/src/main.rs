@@ -62,6 +62,9 @@ enum Task {
         /// A machine with a table in the firmware.
         #[arg(default_value = MODEL)]
         model: String,
+        /// Machine file of the simulated plant, if it is not that machine.
+        #[arg(long, value_name = "MODEL")]
+        truth: Option<String>,
         /// Address of the link.
         #[arg(long, default_value = "127.0.0.1:7700")]
         listen: String,
@@ -74,6 +77,9 @@ enum Task {
         /// The machine of the image's table.
         #[arg(default_value = virtual_board::MODEL)]
         model: String,
+        /// Machine file of the simulated plant, if it is not that machine.
+        #[arg(long, value_name = "MODEL")]
+        truth: Option<String>,
         /// Address of the link.
         #[arg(long, default_value = "127.0.0.1:7700")]
         listen: String,
@@ -176,11 +182,14 @@ fn main() -> ExitCode {
         Task::Emulate {
             setup,
             model,
+            truth,
             listen,
-        } => Tools::find(!setup.no_install).and_then(|tools| emulate(&tools, &model, &listen)),
+        } => Tools::find(!setup.no_install)
+            .and_then(|tools| emulate(&tools, &model, truth.as_deref(), &listen)),
         Task::Virtual {
             setup,
             model,
+            truth,
             listen,
             scenes,
             full,
@@ -189,7 +198,7 @@ fn main() -> ExitCode {
             if scenes {
                 run(&mut virtual_board::scenes(&image, full)?)
             } else {
-                virtual_serve(&image, &model, &listen)
+                virtual_serve(&image, &model, truth.as_deref(), &listen)
             }
         }),
         Task::Bench { setup, update } => {
@@ -405,11 +414,20 @@ fn sessions(samples: u32, full: bool, tools: Option<&Tools>) -> Vec<Command> {
     commands
 }
 
-/// The plant at the virtual board's converters, its link on TCP.
-fn virtual_serve(image: &Path, model: &str, listen: &str) -> Outcome<()> {
-    run(&mut building())?;
+/// The plant of a machine, or of another one instead, with the link of a board at `listen`.
+fn listening(model: &str, truth: Option<&str>, listen: &str) -> Command {
     let mut command = built("pil");
     command.args(["--model", model, "--listen", listen]);
+    if let Some(truth) = truth {
+        command.args(["--truth", truth]);
+    }
+    command
+}
+
+/// The plant at the virtual board's converters, its link on TCP.
+fn virtual_serve(image: &Path, model: &str, truth: Option<&str>, listen: &str) -> Outcome<()> {
+    run(&mut building())?;
+    let mut command = listening(model, truth, listen);
     command.args(["--board", virtual_board::MACHINE]).arg(image);
     command.arg("--virtual-board").arg(virtual_board::program());
     run(&mut command)
@@ -423,7 +441,7 @@ fn flash(tools: &Tools) -> Outcome<()> {
         .map_err(|problem| format!("{problem}; probe-rs: cargo install probe-rs-tools --locked"))
 }
 
-fn emulate(tools: &Tools, model: &str, listen: &str) -> Outcome<()> {
+fn emulate(tools: &Tools, model: &str, truth: Option<&str>, listen: &str) -> Outcome<()> {
     let [_, board] = &BOARDS;
     let Some((_, image, _)) = CONTROLLED.iter().find(|(name, ..)| *name == model) else {
         let names = CONTROLLED.map(|(name, ..)| name).join(", ");
@@ -433,8 +451,7 @@ fn emulate(tools: &Tools, model: &str, listen: &str) -> Outcome<()> {
     };
     let image = boards::build(board, tools)?.join(image);
     run(&mut building())?;
-    let mut command = built("pil");
-    command.args(["--model", model, "--listen", listen]);
+    let mut command = listening(model, truth, listen);
     command.arg("--board").arg(board.machine).arg(image);
     run(&mut command)
 }

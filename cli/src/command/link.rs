@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use clap::{Args, Subcommand, ValueEnum};
 use host_gen::board::link::{Address, Client, LinkError};
-use host_gen::board::measure::{Measurement, MeasurementSettings, measure, multisine};
+use host_gen::board::measure::{Measurement, MeasurementSettings, Resonance, measure};
 use host_gen::board::words::cause;
 use serde::Serialize;
 use shared::LEGS;
@@ -155,7 +155,7 @@ struct InjectArguments {
     /// Leg, 1 to 6.
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=6))]
     leg: u8,
-    /// Amplitude of the test signal, N; of a multisine, the amplitude of each sine.
+    /// Amplitude of the test signal, N.
     #[arg(long, value_parser = above_zero, allow_negative_numbers = true)]
     amplitude: f32,
     /// Length of the test signal, samples.
@@ -167,9 +167,6 @@ struct InjectArguments {
     /// End of a sweep, Hz.
     #[arg(long, default_value_t = 200.0, value_parser = above_zero, allow_negative_numbers = true)]
     to: f32,
-    /// Period of a multisine, samples.
-    #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(256..))]
-    period: u32,
     /// Seed of noise.
     #[arg(long, default_value_t = 1)]
     seed: u32,
@@ -182,7 +179,6 @@ struct InjectArguments {
 enum SignalKind {
     Sine,
     Sweep,
-    Multisine,
     Noise,
 }
 
@@ -227,20 +223,26 @@ struct SendTableArguments {
 struct FrfArguments {
     /// Machine file that the board's table was made from.
     model: PathBuf,
-    /// Amplitude of each sine, N [default: from the model, so that the forces stay within
-    /// half their limits, the sensors within a third of the ADC's range, and both within
+    /// Lowest frequency, Hz.
+    #[arg(long, default_value_t = 0.5, allow_negative_numbers = true)]
+    from: f64,
+    /// Highest frequency, Hz.
+    #[arg(long, default_value_t = 500.0, allow_negative_numbers = true)]
+    to: f64,
+    /// Only the first pass, with fewer lines and shorter windows, in a third of the time.
+    #[arg(long)]
+    coarse: bool,
+    /// Largest force of the test signal, N [default: from the model, so that the forces stay
+    /// within half their limits, the sensors within a third of the ADC's range, and both within
     /// what the supervisor takes for a fault].
     #[arg(long, allow_negative_numbers = true)]
     amplitude: Option<f64>,
-    /// Number of periods to average, at least 2.
-    #[arg(long, default_value_t = 8)]
+    /// Number of windows to average, at least 2.
+    #[arg(long, default_value_t = 2)]
     averages: u32,
-    /// Number of periods to wait first, until transients have died out.
-    #[arg(long, default_value_t = 30)]
+    /// Number of windows to wait first, until transients have died out.
+    #[arg(long, default_value_t = 1)]
     settling: u32,
-    /// Samples in a period: a power of two, at least 512.
-    #[arg(long, default_value_t = 8192)]
-    period: u32,
 }
 
 pub fn link(arguments: &LinkArguments, searcher: &Searcher) -> Result<(), Failure> {
@@ -382,7 +384,7 @@ fn inject(client: &mut Client, arguments: &InjectArguments) -> Result<(), Failur
     let sines: &[(&str, f32)] = match arguments.signal {
         SignalKind::Sine => &[("--hz", arguments.hz)],
         SignalKind::Sweep => &[("--hz", arguments.hz), ("--to", arguments.to)],
-        SignalKind::Multisine | SignalKind::Noise => &[],
+        SignalKind::Noise => &[],
     };
     for &(option, hz) in sines {
         if hz > highest {
@@ -457,7 +459,6 @@ fn injection(inject: &InjectArguments) -> Injection {
             from: inject.hz,
             to: inject.to,
         },
-        SignalKind::Multisine => multisine(inject.period),
         SignalKind::Noise => Signal::Noise { seed: inject.seed },
     };
     Injection {
@@ -671,19 +672,20 @@ fn measured(
     searcher: &Searcher,
 ) -> Result<(), Failure> {
     let settings = MeasurementSettings {
-        period: arguments.period,
+        band: [arguments.from, arguments.to],
         averages: arguments.averages,
         settling: arguments.settling,
+        coarse: arguments.coarse,
         amplitude: arguments.amplitude,
     };
     settings.check()?;
     let study = study(&arguments.model)?;
     let table = searcher.design(&arguments.model, &study)?.table;
+    let rate = table.get().sample_rate.into();
+    let seconds = settings.duration(rate)?;
     let mut client = connect()?;
-    let bar = Bar::of(LEGS * settings.averages as usize);
-    let periods = LEGS as u64 * (u64::from(settings.settling) + u64::from(settings.averages));
-    let seconds =
-        (periods * u64::from(settings.period)) as f64 / f64::from(table.get().sample_rate);
+    let passes = if settings.coarse { 1 } else { 2 };
+    let bar = Bar::of(passes * LEGS * settings.averages as usize);
     let wait = format!("measuring leg by leg: {seconds:.0} s of signals, and the time of the link");
     let work = |client: &mut Client| measure(client, &study, &table, &settings, &bar);
     let measurement = undone(&mut client, &wait, work, end_injection);
@@ -693,11 +695,11 @@ fn measured(
 
 impl Display for FrfView {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Measurement { amplitude, lines } = &self.0;
+        let Measurement { resonances, lines } = &self.0;
         let closed = lines.iter().any(|line| line.sensitivity.is_some());
         writeln!(
             f,
-            "Plant measured with the loop {}, {amplitude} N per sine: difference from the model, and the difference expected from noise\n      Hz  diff., %   noise, %   coherence{}",
+            "Plant measured with the loop {}: difference from the model, and the difference expected from noise\n      Hz      N   diff., %   noise, %{}",
             if closed { "closed" } else { "open" },
             if closed {
                 "   sensitivity      of model"
@@ -708,16 +710,23 @@ impl Display for FrfView {
         for line in lines {
             write!(
                 f,
-                "  {:>6.1}  {:>8.3}   {:>8.3}   {:>9.6}",
+                "  {:>6.2}  {:>5.2}   {:>8.3}   {:>8.3}",
                 line.hz,
+                line.amplitude,
                 100.0 * line.error,
                 100.0 * line.expected_error,
-                line.coherence
             )?;
             if let Some([measured, predicted]) = line.sensitivity {
                 write!(f, "   {measured:>11.4}   {predicted:>11.4}")?;
             }
             writeln!(f)?;
+        }
+        if !resonances.is_empty() {
+            writeln!(f, "Resonances in these responses\n      Hz   damping, %")?;
+        }
+        for resonance in resonances {
+            let Resonance { hz, damping } = resonance;
+            writeln!(f, "  {hz:>6.2}   {:>10.2}", 100.0 * damping)?;
         }
         Ok(())
     }

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use host_gen::simulate::SoftwareBoard;
+use host_gen::simulate::{SoftwareBoard, is_on_board_of};
 use shared::controller::Memory;
-use shared::injection::PERIOD;
+use shared::multisine::{LINES, Slot};
 use shared::recorder::Record;
 
 use crate::failure::Failure;
@@ -16,8 +16,11 @@ use crate::search::{Searcher, study};
 
 #[derive(Args)]
 pub struct SilArguments {
-    /// Machine file.
+    /// Machine file that the board's table is made from.
     model: PathBuf,
+    /// Machine file of the machine that is simulated, if it is another one than the model.
+    #[arg(long, value_name = "MODEL")]
+    truth: Option<PathBuf>,
     /// HOST:PORT to listen on; with port 0, a free port is taken.
     #[arg(long, default_value = "127.0.0.1:7700")]
     listen: String,
@@ -41,23 +44,30 @@ pub fn sil(arguments: &SilArguments, searcher: &Searcher) -> Result<(), Failure>
         what: "listened on",
         error,
     };
-    let study = study(&arguments.model)?;
+    let model = study(&arguments.model)?;
+    let truth = arguments.truth.as_deref().map(study).transpose()?;
+    if let (Some(truth), Some(path)) = (&truth, &arguments.truth) {
+        is_on_board_of(truth.machine(), model.machine()).map_err(|error| Failure::Truth {
+            path: path.display().to_string(),
+            error,
+        })?;
+    }
     // An address that cannot be used is told at once. It is not kept meanwhile: a host that
     // asks too early is refused and does not wait for a reply.
     drop(TcpListener::bind(&arguments.listen).map_err(failed)?);
-    let model = arguments.model.display();
     let _ = writeln!(
         io::stderr(),
-        "designing the controller of {model}; the link is open from \"listening on\" on"
+        "designing the controller of {}; the link is open from \"listening on\" on",
+        arguments.model.display()
     );
-    let table = searcher.design(&arguments.model, &study)?.table;
+    let table = searcher.design(&arguments.model, &model)?.table;
     let listener = TcpListener::bind(&arguments.listen).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
     let memory = Memory {
         records: &mut vec![Record::NONE; ROOM],
-        period: &mut vec![[0.0; 2]; PERIOD as usize],
+        lines: &mut vec![Slot::EMPTY; LINES],
     };
-    let mut sil = SoftwareBoard::new(&study, &table, memory);
+    let mut sil = SoftwareBoard::new(truth.as_ref().unwrap_or(&model), &table, memory);
     // A script that started this program may wait for this line.
     println!("listening on {}", listener.local_addr().map_err(failed)?);
     io::stdout().flush().map_err(failed)?;

@@ -23,7 +23,8 @@ use nalgebra::Matrix6;
 use shared::LEGS;
 use shared::codes::{AdcCode, Samples};
 use shared::controller::{Controller, Memory, Reading};
-use shared::injection::{Injection, LINES, Signal};
+use shared::injection::{Injection, Signal};
+use shared::multisine::{LINES, Line, Slot};
 use shared::recorder::{Record, Recording, Trigger};
 use shared::supervisor::{Event, Mode};
 use shared::table::{Direct, Paths, Table, ValidTable};
@@ -188,7 +189,7 @@ fn run(counter: &mut Counter, controller: &mut Controller<'_>, samples: u32) -> 
 fn measure(counter: &mut Counter, name: &str, table: Table) {
     let memory = Memory {
         records: &mut [Record::NONE; ROOM],
-        period: &mut [[0.0; 2]; 4096],
+        lines: &mut [Slot::EMPTY; LINES],
     };
     let mut controller = of_table(table, memory);
     let mut print = |controller: &mut Controller<'_>, what: &str, mode: Mode, samples: u32| {
@@ -231,17 +232,16 @@ fn measure(counter: &mut Counter, name: &str, table: Table) {
                 to: 1000.0,
             },
         ),
-        (
-            "multisine",
-            Signal::Multisine {
-                period: 4096,
-                first: 1,
-                apart: 2,
-                count: LINES,
-            },
-        ),
+        ("multisine", Signal::Multisine),
         ("noise", Signal::Noise { seed: 1 }),
     ];
+    let lines = (0..LINES as u32).map(|k| Line {
+        turns: 2 + 2 * k,
+        amplitude: 1.0,
+    });
+    if controller.set_multisine(12, &lines.collect()).is_err() {
+        panic!("lines that are allowed");
+    }
     for (what, signal) in signals {
         let injection = Injection {
             signal,

@@ -16,6 +16,7 @@ use shared::injection::{Injection, Signal};
 use shared::levels::Levels;
 use shared::link::upload::PIECE;
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
+use shared::multisine::LineParts;
 use shared::recorder::{Record, Recorded, Recording};
 use shared::table::{TABLE_ROOM, ValidTable};
 
@@ -412,6 +413,18 @@ impl Client {
             }
             // A slow line has other things to carry.
             std::thread::sleep(PATIENCE);
+        }
+    }
+
+    /// The answers at a line of the multisine.
+    ///
+    /// # Errors
+    /// As [`Client::ask`].
+    pub fn line(&mut self, index: usize) -> Result<LineParts, LinkError> {
+        // There are far fewer.
+        match self.ask(Request::Line(index as u8))? {
+            Reply::Line(line) => Ok(line),
+            _ => Err(LinkError::Answer),
         }
     }
 

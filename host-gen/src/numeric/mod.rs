@@ -12,6 +12,7 @@ pub mod quadrature;
 pub mod rows;
 pub mod singular;
 pub mod six;
+pub mod vector_fit;
 
 /// Why a computation has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

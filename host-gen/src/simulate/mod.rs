@@ -11,5 +11,5 @@ pub mod session;
 mod shaped_noise;
 pub mod software_board;
 
-pub use rig::Rig;
+pub use rig::{OtherBoard, Rig, is_on_board_of};
 pub use software_board::SoftwareBoard;

@@ -14,9 +14,46 @@ use super::base_motion::BaseMotion;
 use super::blocks::{BLOCK, Blocks};
 use super::shaped_noise::ShapedNoise;
 use crate::floor::Record;
-use crate::machine::{Board, Sensor, Simulation};
+use crate::machine::{Board, Machine, Sensor, Simulation};
 use crate::plant::SampledPlant;
 use crate::plant::sampled::{ByInput, SampledStateSpace};
+
+/// Why a machine cannot be simulated at the converters of another one's board.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum OtherBoard {
+    /// The sample rates differ.
+    #[error(
+        "its board samples at {truth} Hz and the one of the model at {model} Hz; give both files the same board.sample_rate"
+    )]
+    Rate {
+        /// Of the machine that is to be simulated, Hz.
+        truth: f64,
+        /// Of the model, Hz.
+        model: f64,
+    },
+    /// Other kinds of sensors.
+    #[error("it feeds back other sensors than the model; give both files the same target.feedback")]
+    Sensors,
+}
+
+/// Whether `truth` can be simulated on the board for which `model` has a table: a machine that is not
+/// the model. All else may differ.
+///
+/// # Errors
+/// [`OtherBoard`] with what does not fit.
+pub fn is_on_board_of(truth: &Machine, model: &Machine) -> Result<(), OtherBoard> {
+    let rates = [truth, model].map(|machine| machine.board.sample_rate);
+    if rates[0] != rates[1] {
+        return Err(OtherBoard::Rate {
+            truth: rates[0],
+            model: rates[1],
+        });
+    }
+    if truth.target.feedback != model.target.feedback {
+        return Err(OtherBoard::Sensors);
+    }
+    Ok(())
+}
 
 /// The machine with its converters: takes DAC codes, gives ADC codes.
 pub struct Rig {

@@ -1,13 +1,14 @@
 //! The default amplitude of a measurement: no machine is shaken into a fault, and none is
 //! hardly shaken at all.
 
-use host_gen::board::measure::{amplitude, multisine};
+use host_gen::board::measure::{Pass, Response};
 use host_gen::control::LinearLaw;
 use host_gen::design::Study;
 use host_gen::simulate::SoftwareBoard;
 use shared::LEGS;
 use shared::controller::Memory;
-use shared::injection::{Injection, PERIOD, Point};
+use shared::link::Request;
+use shared::multisine::{LINES, Slot};
 use shared::supervisor::{Event, Mode};
 use shared::table::ValidTable;
 
@@ -45,9 +46,9 @@ fn lighter(by: f64) -> String {
 }
 
 /// A board after its self-test.
-fn tested<'a>(study: &Study, table: &ValidTable, period: &'a mut [Point]) -> SoftwareBoard<'a> {
+fn tested<'a>(study: &Study, table: &ValidTable, lines: &'a mut [Slot]) -> SoftwareBoard<'a> {
     let memory = Memory {
-        period,
+        lines,
         ..Memory::none()
     };
     let mut board = SoftwareBoard::new(study, table, memory);
@@ -64,35 +65,39 @@ fn run(board: &mut SoftwareBoard<'_>, seconds: f64) {
     }
 }
 
+/// The first pass of a measurement.
+fn pass(study: &Study, table: &ValidTable, law: Option<&LinearLaw>) -> Pass {
+    let mut pass = Pass::first(20e3, [0.5, 500.0]).unwrap();
+    let responses = Response::of_model(study, table, law, &pass.hertz());
+    pass.set_amplitudes(study, table, &responses, None);
+    pass
+}
+
 /// Injects into `leg` for two seconds, after which every monitor has had its say; then waits
-/// for the machine to come to rest.
-fn shake(board: &mut SoftwareBoard<'_>, leg: usize, amplitude: f64) {
-    let mut legs = [0.0; LEGS];
-    legs[leg] = amplitude as f32;
-    let injection = Injection {
-        signal: multisine(PERIOD),
-        legs,
-        samples: 40_000,
-    };
+/// for the machine to come to rest. The forces are `by` times those of the pass.
+fn shake(board: &mut SoftwareBoard<'_>, pass: &Pass, leg: usize, by: f32) {
+    let mut injection = pass.injection(leg, 40_000);
+    injection.legs[leg] *= by;
     board.controller.start_injection(injection).unwrap();
-    // The first one waits until its period is computed.
     while board.controller.report().injecting > 0 {
         board.sample();
     }
     run(board, 1.0);
 }
 
+/// Sets the lines of a pass, as a host does over the link.
+fn set(board: &mut SoftwareBoard<'_>, pass: &Pass) {
+    let Request::Multisine(window, lines) = pass.lines() else {
+        panic!("lines are set by another request");
+    };
+    board.controller.set_multisine(window, &lines).unwrap();
+}
+
 /// Ends signals as a host does that has all windows: at any sample of them.
-fn end_anywhere(board: &mut SoftwareBoard<'_>, amplitude: f64) {
+fn end_anywhere(board: &mut SoftwareBoard<'_>, pass: &Pass) {
     for k in 0..1500 {
-        let mut legs = [0.0; LEGS];
-        legs[k % LEGS] = amplitude as f32;
-        let samples = 1000 + (k as u32 * 4861) % (PERIOD - 1000);
-        let injection = Injection {
-            signal: multisine(PERIOD),
-            legs,
-            samples,
-        };
+        let samples = 1000 + (k as u32 * 4861) % 7000;
+        let injection = pass.injection(k % LEGS, samples);
         board.controller.start_injection(injection).unwrap();
         while board.controller.report().injecting > 0 {
             board.sample();
@@ -110,45 +115,43 @@ fn no_machine_is_shaken_into_a_fault() {
     for by in [1.0, 30.0] {
         let (study, found) = searched(&lighter(by));
         let table = &found.as_ref().unwrap().table;
-        let mut period = vec![[0.0; 2]; PERIOD as usize];
-        let mut board = tested(study, table, &mut period);
-        let open = amplitude(study, table, None, PERIOD);
+        let mut lines = [Slot::EMPTY; LINES];
+        let mut board = tested(study, table, &mut lines);
+        let open = pass(study, table, None);
+        set(&mut board, &open);
         for leg in 0..LEGS {
-            shake(&mut board, leg, open);
-            assert_eq!(
-                board.controller.report().fault,
-                None,
-                "{by}: {open} N, leg {leg}"
-            );
+            shake(&mut board, &open, leg, 1.0);
+            let fault = board.controller.report().fault;
+            assert_eq!(fault, None, "{by}: {} N, leg {leg}", open.force());
         }
 
         let law = LinearLaw::new(table);
-        let closed = amplitude(study, table, Some(&law), PERIOD);
-        println!("{by}: {open} N open, {closed} N closed");
+        let closed = pass(study, table, Some(&law));
+        println!("{by}: {} N open, {} N closed", open.force(), closed.force());
         board.controller.ask(Event::Start).unwrap();
         run(&mut board, 20.0);
         assert_eq!(board.controller.report().mode, Mode::Closed, "{by}");
+        set(&mut board, &closed);
         for leg in 0..LEGS {
-            shake(&mut board, leg, closed);
-            assert_eq!(
-                board.controller.report().fault,
-                None,
-                "{by}: {closed} N, leg {leg}"
-            );
+            shake(&mut board, &closed, leg, 1.0);
+            let fault = board.controller.report().fault;
+            assert_eq!(fault, None, "{by}: {} N, leg {leg}", closed.force());
         }
         if by == 1.0 {
-            end_anywhere(&mut board, closed);
+            end_anywhere(&mut board, &closed);
         }
         // Not far below it either.
+        let [open_force, closed_force] = [&open, &closed].map(Pass::force);
         assert!(
-            closed > 0.1 * open,
-            "{by}: {open} N open, {closed} N closed"
+            closed_force > 0.1 * open_force,
+            "{by}: {open_force} N, {closed_force} N"
         );
         if by > 1.0 {
-            let mut period = vec![[0.0; 2]; PERIOD as usize];
-            let mut board = tested(study, table, &mut period);
-            shake(&mut board, 0, 16.0 * open);
-            assert!(board.controller.report().fault.is_some(), "{by}: {open} N");
+            let mut lines = [Slot::EMPTY; LINES];
+            let mut board = tested(study, table, &mut lines);
+            set(&mut board, &open);
+            shake(&mut board, &open, 0, 16.0);
+            assert!(board.controller.report().fault.is_some(), "{by}");
         }
     }
 }

@@ -7,6 +7,7 @@ use super::upload::PIECE;
 use crate::controller::{ControllerReport, Health, Identity, Refusal, Telemetry};
 use crate::injection::Injection;
 use crate::levels::Levels;
+use crate::multisine::{LINES, Line, LineParts};
 use crate::recorder::{Record, Recording};
 
 /// Largest number of records in one reply.
@@ -55,6 +56,10 @@ pub enum Request {
     Health,
     /// Request the levels of the last window.
     Levels,
+    /// Set the lines of the multisine, and the length of its windows as a power of two of samples.
+    Multisine(u8, Vec<Line, LINES>),
+    /// Request the answers at the multisine's line with this index.
+    Line(u8),
 }
 
 /// A message from board to host. The order is part of the wire format.
@@ -82,4 +87,6 @@ pub enum Reply {
     Health(Health),
     /// Levels of the last window.
     Levels(Levels),
+    /// Answers at a line of the multisine.
+    Line(LineParts),
 }

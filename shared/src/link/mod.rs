@@ -17,7 +17,7 @@ pub use message::{CHUNK, Reply, Request};
 pub use server::{Answer, Job, Server};
 
 /// Version of frames and messages.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
 /// Largest size of a packet with its CRC, bytes.
 pub const PACKET: usize = 512;

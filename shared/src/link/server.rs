@@ -179,6 +179,10 @@ impl Server {
             Request::Piece(at, ref piece) => self.upload.put(at, piece).map(done),
             Request::Health => Ok(Reply::Health(controller.health())),
             Request::Levels => Ok(Reply::Levels(controller.levels())),
+            Request::Multisine(window, ref lines) => {
+                controller.set_multisine(window, lines).map(done)
+            }
+            Request::Line(index) => controller.line(index.into()).map(Reply::Line),
         }
     }
 

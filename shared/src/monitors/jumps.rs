@@ -1,10 +1,10 @@
 //! Codes from sample to sample: those that stay the same, and those that jump and return.
 
 use crate::LEGS;
-use crate::codes::{AdcCode, Samples};
+use crate::codes::AdcCode;
 use crate::table::Table;
 
-use super::{SENSORS, mask};
+use super::{SENSORS, Sight, mask};
 
 /// Time constant of the average of a sensor's jumps from sample to sample, samples.
 const USUAL: u32 = 64;
@@ -65,11 +65,12 @@ impl Jumps {
         echo: 0,
     };
 
-    /// Looks at the codes of all sensors; spikes count only if `calm` and not `injecting`, nor soon
-    /// after an injection. Returns whether a code may have been the same for too long:
+    /// Looks at the codes of all sensors. Spikes do not count while forces are clamped, nor during
+    /// an injection and soon after it. Returns whether a code may have been the same for too long:
     /// [`Jumps::stuck`].
     #[inline]
-    pub fn see(&mut self, table: &Table, samples: &Samples, injecting: bool, calm: bool) -> bool {
+    pub fn see(&mut self, table: &Table, sight: &Sight<'_>) -> bool {
+        let samples = sight.samples;
         self.second += 1;
         // Rates are positive and far below 2³².
         if self.second >= table.sample_rate as u32 {
@@ -92,11 +93,11 @@ impl Jumps {
         let limits = &table.supervision;
         // No jump is larger than all bits of all jumps together.
         let least = limits.spike.map(|limit| u32::from(limit).wrapping_sub(1));
-        if injecting {
+        if sight.injecting {
             self.echo = ECHO;
         } else if self.echo > 0 {
             self.echo -= 1;
-        } else if calm && sizes > least[0].min(least[1]) {
+        } else if !sight.status.clamped && sizes > least[0].min(least[1]) {
             self.judge(table);
         }
         limits.stuck > 0 && still >= limits.stuck

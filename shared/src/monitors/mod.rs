@@ -97,17 +97,13 @@ impl Monitors {
     #[inline]
     pub fn see(&mut self, table: &ValidTable, mode: Mode, sight: &Sight<'_>) -> Option<Cause> {
         let Sight {
-            samples,
-            dac,
-            status,
-            late,
-            injecting,
+            status, injecting, ..
         } = *sight;
         let table = table.get();
         let limits = &table.supervision;
         self.lost = 0;
         self.count_rails(status);
-        let stuck = self.jumps.see(table, samples, injecting, !status.clamped);
+        let stuck = self.jumps.see(table, sight);
         if mode.is_loop() && status.clamped {
             // Four up and one down, so that a limit cycle that is clamped in only some of
             // its samples counts too.
@@ -121,7 +117,7 @@ impl Monitors {
         } else {
             0
         };
-        let by_window = self.windows.see(table, mode, samples, dac, late);
+        let by_window = self.windows.see(table, mode, sight);
 
         if status.not_finite {
             return Some(Cause::NotFinite);

@@ -8,7 +8,7 @@ use crate::step::{larger, single};
 use crate::supervisor::{Cause, Mode};
 use crate::table::Table;
 
-use super::{SENSORS, mask};
+use super::{SENSORS, Sight, mask};
 
 /// Samples from one code of a channel to the next in the sums.
 const TURNS: usize = 4;
@@ -106,6 +106,10 @@ pub struct Windows {
     power: f32,
     /// Consecutive windows in which it grew.
     grown: u32,
+    /// Samples until sensors are compared again. A signal in one leg shakes some of them much more
+    /// than others, until what it has excited has decayed. Where nothing follows the sensors, that is
+    /// no fault.
+    shaken: u32,
 }
 
 impl Windows {
@@ -119,23 +123,22 @@ impl Windows {
         strongest: 0.0,
         power: 0.0,
         grown: 0,
+        shaken: 0,
     };
 
     /// Adds a sample to the current window. Returns the fault that this one or the window before
     /// shows, if any.
     #[inline]
-    pub fn see(
-        &mut self,
-        table: &Table,
-        mode: Mode,
-        samples: &Samples,
-        dac: &[DacCode; LEGS],
-        late: bool,
-    ) -> Option<Cause> {
+    pub fn see(&mut self, table: &Table, mode: Mode, sight: &Sight<'_>) -> Option<Cause> {
         let limits = &table.supervision;
+        if mode == Mode::Idle && sight.injecting {
+            self.shaken = limits.settle.saturating_mul(2);
+        } else {
+            self.shaken = self.shaken.saturating_sub(1);
+        }
         let window = &mut self.both[usize::from(self.second)];
-        window.add(samples, dac, table.complement().is_some());
-        window.late += u32::from(late);
+        window.add(sight.samples, sight.dac, table.complement().is_some());
+        window.late += u32::from(sight.late);
         if window.late > limits.late {
             return Some(Cause::Late);
         }
@@ -212,7 +215,8 @@ impl Windows {
         for (strange, variance) in strange.iter_mut().zip(variances) {
             let wild = *variance > wild_by * median;
             let dull = variance * dull_by < median;
-            *strange = if wild || dull { *strange + 1 } else { 0 };
+            let unlike = self.shaken == 0 && (wild || dull);
+            *strange = if unlike { *strange + 1 } else { 0 };
         }
     }
 

@@ -31,10 +31,11 @@ use firmware::store::Store;
 use firmware::tables::{self, Entry};
 use host_gen::design::Study;
 use host_gen::machine::Machine;
-use host_gen::simulate::Rig;
+use host_gen::simulate::{Rig, is_on_board_of};
 use shared::controller::{ControllerReport, Memory, Refusal};
-use shared::injection::{Injection, PERIOD, Signal};
+use shared::injection::{Injection, Signal};
 use shared::link::{Cutter, Packet, Reply, Request, VERSION, encode};
+use shared::multisine::{LINES, Line, Slot};
 use shared::recorder::{Record, Recording, Trigger};
 use shared::supervisor::{Cause, Mode};
 use shared::table::{Limits, TABLE_ROOM, Table, ValidTable};
@@ -57,6 +58,9 @@ struct Cli {
     /// No session: one board runs until it is stopped, its link at this address.
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<String>,
+    /// Machine file of the plant, if it is not the machine of the table.
+    #[arg(long, value_name = "MODEL", requires = "listen")]
+    truth: Option<PathBuf>,
     /// The emulator's name of a board, and the image with the machine's table.
     /// Without any, the host rehearses the session alone, in seconds.
     #[arg(long, num_args = 2, value_names = ["MACHINE", "IMAGE"])]
@@ -120,7 +124,15 @@ fn run(cli: &Cli) -> Outcome<bool> {
         let [board] = boards[..] else {
             return Err("--listen takes one board".into());
         };
-        return serve(&study, &cli.board(board), address);
+        let plant = match &cli.truth {
+            Some(path) => {
+                let truth = Machine::load(path)?;
+                is_on_board_of(&truth, study.machine())?;
+                Study::new(truth)?
+            }
+            None => study,
+        };
+        return serve(&plant, &cli.board(board), address);
     }
     // Side by side: most of the time goes into waiting for single bytes.
     let results = thread::scope(|scope| {
@@ -265,7 +277,7 @@ fn in_the_loop(
     let room = board.as_ref().map_or(ROOM, Board::room);
     let memory = Memory {
         records: vec![Record::NONE; room].leak(),
-        period: vec![[0.0; 2]; PERIOD as usize].leak(),
+        lines: vec![Slot::EMPTY; LINES].leak(),
     };
     let limits = board.as_ref().map_or(Limits::NONE, Board::limits);
     let host: &'static BoardController = Box::leak(Box::new(BoardController::new()));
@@ -371,19 +383,22 @@ impl Session<'_> {
             after: 180,
         }))?;
         self.samples(100)?;
+        let lines = (0..LINES as u32).map(|k| Line {
+            turns: 2 + k,
+            amplitude: 0.5,
+        });
+        self.done(&Request::Multisine(10, lines.collect()))?;
         self.done(&Request::Inject(Injection {
-            signal: Signal::Multisine {
-                period: 256,
-                first: 1,
-                apart: 3,
-                count: 12,
-            },
+            signal: Signal::Multisine,
             legs: [1.0, -2.0, 3.0, -1.0, 0.5, 0.0],
-            samples: 400,
+            samples: 1100,
         }))?;
-        // It begins when its period is computed, after 512 samples.
-        self.samples(1000)?;
+        self.samples(1100)?;
         self.records(Request::Recording, 200)?;
+        for k in 0..LINES {
+            let whole = |reply: &Reply| matches!(reply, Reply::Line(line) if line.windows == 1);
+            self.expect(&Request::Line(k as u8), whole)?;
+        }
 
         self.done(&Request::Start)?;
         self.until(|mode| mode != Mode::Starting, Mode::Closed)?;

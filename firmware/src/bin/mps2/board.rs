@@ -22,7 +22,7 @@ use firmware::store::Store;
 use firmware::tables::Entry;
 use heapless::Deque;
 use shared::controller::Memory;
-use shared::injection::{PERIOD, Point};
+use shared::multisine::{LINES, Slot};
 use shared::recorder::Record;
 use shared::table::Limits;
 use uart::{Receiver, SerialPort};
@@ -42,15 +42,15 @@ static INCOMING: Mutex<RefCell<(Option<Receiver>, Deque<u8, 1024>)>> =
 
 /// Runs the controller of a machine. Never returns.
 pub fn run(entry: &'static Entry) -> ! {
-    let (Some(records), Some(period), Some(mut core)) = (
+    let (Some(records), Some(lines), Some(mut core)) = (
         cortex_m::singleton!(: [Record; ROOM] = [Record::NONE; ROOM]),
-        cortex_m::singleton!(: [Point; PERIOD as usize] = [[0.0; 2]; PERIOD as usize]),
+        cortex_m::singleton!(: [Slot; LINES] = [Slot::EMPTY; LINES]),
         Peripherals::take(),
     ) else {
         panic!("run is called once");
     };
     let store = Store::new(RamFlash::new(), 0..RamFlash::SIZE as u32);
-    let memory = Memory { records, period };
+    let memory = Memory { records, lines };
     let mut link = LinkTask::begin(&BOARD, entry, Limits::NONE, store, memory);
     let converters = uart::CONVERTERS.open();
     let (mut send, receive) = uart::LINK.open().split();

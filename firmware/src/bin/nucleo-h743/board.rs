@@ -14,8 +14,8 @@ use firmware::link_task::LinkTask;
 use firmware::store::Store;
 use firmware::{budget, tables};
 use shared::controller::{Health, Memory, Restart};
-use shared::injection::{PERIOD, Point};
 use shared::link::FRAME;
+use shared::multisine::{LINES, Slot};
 use shared::recorder::Record;
 
 use crate::clocks::{self, CORE, Source};
@@ -32,9 +32,9 @@ const ROOM: usize = 8192;
 #[unsafe(link_section = ".axi.records")]
 static mut RECORDS: MaybeUninit<[Record; ROOM]> = MaybeUninit::uninit();
 
-/// Memory of the injector, likewise.
-#[unsafe(link_section = ".axi.period")]
-static mut PERIODS: MaybeUninit<[Point; PERIOD as usize]> = MaybeUninit::uninit();
+/// Memory of the multisine, likewise.
+#[unsafe(link_section = ".axi.lines")]
+static mut SLOTS: MaybeUninit<[Slot; LINES]> = MaybeUninit::uninit();
 
 /// Outputs are read back this many times per second.
 const READ_BACK: f32 = 100.0;
@@ -206,7 +206,7 @@ fn memory() -> Memory<'static> {
     unsafe {
         Memory {
             records: filled(&raw mut RECORDS, Record::NONE),
-            period: filled(&raw mut PERIODS, [0.0; 2]),
+            lines: filled(&raw mut SLOTS, Slot::EMPTY),
         }
     }
 }

@@ -1,0 +1,398 @@
+//! Transfer functions measured in place: a multisine in each leg in turn, and what the board sums
+//! up of sensors and forces at its lines.
+//!
+//! With the forces of six experiments as the columns of U and the sensors' answers as
+//! those of Y, the plant is G22 = Y·U⁻¹ whether the loop is open or closed. The forces
+//! are those given to the DAC, the controller's part included. With the injected forces
+//! R, the sensitivity at the legs is U·R⁻¹.
+//!
+//! There are two passes: the first over all frequencies; the second with windows of twice the
+//! length, and lines around the resonances that the first has found.
+
+mod experiment;
+mod fit;
+mod lines;
+
+use nalgebra::{Complex, DMatrix, Matrix6};
+use serde::Serialize;
+use shared::LEGS;
+use shared::injection::LONGEST;
+use shared::multisine::BLOCK;
+use shared::supervisor::{Cause, Mode};
+use shared::table::ValidTable;
+
+use super::link::{Client, LinkError};
+use super::words::cause;
+use crate::control::LinearLaw;
+use crate::design::Study;
+use crate::plant::Gain;
+use crate::progress::Progress;
+use experiment::{Course, Experiment};
+use fit::Fit;
+use lines::{force_limit, sensitivity};
+
+pub use fit::Resonance;
+pub use lines::{Pass, Response};
+
+/// Settings of a measurement.
+#[derive(Clone, Copy, Debug)]
+pub struct MeasurementSettings {
+    /// Lowest and highest frequency, Hz.
+    pub band: [f64; 2],
+    /// Windows that are averaged in each experiment, at least [`FEWEST`].
+    pub averages: u32,
+    /// Windows to wait before, until transients have died out.
+    pub settling: u32,
+    /// Whether there is only the first pass.
+    pub coarse: bool,
+    /// Largest force of the test signal, N: the sum of the amplitudes of its lines. None for that of
+    /// [`Pass::set_amplitudes`].
+    pub amplitude: Option<f64>,
+}
+
+/// Smallest number of averages: the expected error comes from their scatter.
+pub const FEWEST: u32 = 2;
+
+/// A measurement.
+#[derive(Clone, Debug, Serialize)]
+pub struct Measurement {
+    /// The resonances of a rational function through all lines, ascending; none where there are too
+    /// few lines for one.
+    pub resonances: Vec<Resonance>,
+    /// The results, in ascending order of their frequency.
+    pub lines: Vec<MeasuredLine>,
+}
+
+/// The result at one frequency.
+#[derive(Clone, Debug, Serialize)]
+pub struct MeasuredLine {
+    /// Frequency, Hz.
+    pub hz: f64,
+    /// Amplitude of the sine, N.
+    pub amplitude: f64,
+    /// Measured G22: a row for each sensor, a column for each leg, unit of the sensor per
+    /// N, as [re, im].
+    pub plant: Vec<[[f64; 2]; LEGS]>,
+    /// Standard deviation of each entry of `plant`, as the scatter of the averages gives it: the root
+    /// of the mean square of its error.
+    pub deviation: Vec<[f64; LEGS]>,
+    /// G22 of the model, in the form of `plant`.
+    pub model: Vec<[[f64; 2]; LEGS]>,
+    /// Frobenius norm of measured minus modelled G22, relative to that of the model; the
+    /// larger value of the two kinds of sensors.
+    pub error: f64,
+    /// Rms value of `error` that is expected from the scatter of the averages alone.
+    pub expected_error: f64,
+    /// σ_max of the sensitivity at the legs, measured and predicted from model and table;
+    /// none with the loop open.
+    pub sensitivity: Option<[f64; 2]>,
+}
+
+/// Errors of a measurement.
+#[derive(Debug, thiserror::Error)]
+pub enum FrfError {
+    /// The link failed.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// A setting is out of range.
+    #[error("--{option} must {must}")]
+    Setting {
+        /// Name of the setting.
+        option: &'static str,
+        /// What it must be.
+        must: String,
+    },
+    /// The board stopped with a fault during the measurement.
+    #[error("leg {leg}: the board stopped with a fault: {}{}", cause(*.why), advice(*.why, *.amplitude))]
+    Fault {
+        /// Number of the leg with the test signal, from 1.
+        leg: usize,
+        /// Cause of the fault.
+        why: Cause,
+        /// Largest force of the test signal, N.
+        amplitude: f64,
+    },
+    /// The loop was opened or closed during the measurement.
+    #[error("leg {leg}: the loop was opened or closed during the measurement")]
+    Changed {
+        /// Number of the leg with the test signal, from 1.
+        leg: usize,
+    },
+    /// A window was over before all of the one before it was fetched.
+    #[error(
+        "leg {leg}: the link is too slow: the board has measured a window before the one before it was fetched"
+    )]
+    Slow {
+        /// Number of the leg with the test signal, from 1.
+        leg: usize,
+    },
+    /// The board runs another table than the one of the machine file.
+    #[error(
+        "the board runs the table of another machine, or of another version of the machine file; send the table with host-gen link table, or run host-gen generate and flash the board"
+    )]
+    OtherTable,
+    /// A fault was latched before the measurement.
+    #[error("a fault is latched: {}; use host-gen link clear, and repeat the self-test", cause(*.0))]
+    Latched(Cause),
+    /// The loop is neither idle nor closed.
+    #[error("the loop is neither idle nor closed; see host-gen link status")]
+    Mode,
+    /// The forces do not contain the multisine.
+    #[error(
+        "leg {leg}: the forces do not contain the injected signal; --amplitude is too low, or the leg is at its limit"
+    )]
+    Nothing {
+        /// Number of the leg, from 1.
+        leg: usize,
+    },
+}
+
+/// What to do about a fault during a measurement.
+fn advice(why: Cause, amplitude: f64) -> String {
+    match why {
+        Cause::Rail(_)
+        | Cause::Implausible(_)
+        | Cause::Erratic(_)
+        | Cause::Saturated
+        | Cause::Diverging => format!(
+            "; the test signal of {amplitude:.3} N was too large for this machine: clear the fault, repeat the self-test and use a lower --amplitude"
+        ),
+        _ => String::new(),
+    }
+}
+
+/// Measures the plant, and with the loop closed also the sensitivity, and compares them
+/// with those of `study` with `table`. `progress` is called after each averaged window.
+///
+/// However it ends, the test signal is ended, too.
+///
+/// # Errors
+/// [`FrfError`] if a setting is out of range, the link fails, the board runs another table,
+/// its mode does not allow the measurement or changes, or a leg's force does not contain the
+/// multisine.
+pub fn measure(
+    client: &mut Client,
+    study: &Study,
+    table: &ValidTable,
+    settings: &MeasurementSettings,
+    progress: &dyn Progress,
+) -> Result<Measurement, FrfError> {
+    settings.check()?;
+    if client.identity()?.checksum != table.checksum() {
+        return Err(FrfError::OtherTable);
+    }
+    let report = client.report()?;
+    if let Some(fault) = report.fault {
+        return Err(FrfError::Latched(fault.cause));
+    }
+    let law = match report.mode {
+        Mode::Idle => None,
+        Mode::Closed => Some(LinearLaw::new(table).with_gain(report.gain.into())),
+        _ => return Err(FrfError::Mode),
+    };
+    let limit = force_limit(table.get());
+    if settings
+        .amplitude
+        .is_some_and(|amplitude| amplitude > limit)
+    {
+        return Err(setting(
+            "amplitude",
+            format!("be at most {limit:.3} N, the force limit of a leg"),
+        ));
+    }
+    let rate = f64::from(table.get().sample_rate);
+    let (law, most) = (law.as_ref(), settings.amplitude);
+    let course = Course {
+        table,
+        settings: *settings,
+        mode: report.mode,
+        progress,
+    };
+    let mut measured = Vec::new();
+    let mut pass = Pass::first(rate, settings.band)?;
+    let responses = Response::of_model(study, table, law, &pass.hertz());
+    pass.set_amplitudes(study, table, &responses, most);
+    evaluate_pass(
+        study,
+        law,
+        &pass,
+        &course.experiments(client, &pass)?,
+        &mut measured,
+    );
+    if !settings.coarse {
+        let fit = Fit::new(&measured);
+        let resonances = fit.as_ref().map_or(&[][..], |fit| &fit.resonances);
+        let mut pass = Pass::second(rate, settings.band, resonances)?;
+        let responses = match &fit {
+            Some(fit) => Response::of_fit(study, table, law, &pass.hertz(), &fit.rational),
+            None => Response::of_model(study, table, law, &pass.hertz()),
+        };
+        pass.set_amplitudes(study, table, &responses, most);
+        evaluate_pass(
+            study,
+            law,
+            &pass,
+            &course.experiments(client, &pass)?,
+            &mut measured,
+        );
+        measured.sort_by(|a, b| a.line.hz.total_cmp(&b.line.hz));
+    }
+    Ok(Measurement {
+        resonances: Fit::new(&measured).map_or_else(Vec::new, |fit| fit.resonances),
+        lines: measured.into_iter().map(|measured| measured.line).collect(),
+    })
+}
+
+fn setting(option: &'static str, must: impl Into<String>) -> FrfError {
+    FrfError::Setting {
+        option,
+        must: must.into(),
+    }
+}
+
+impl MeasurementSettings {
+    /// Checks the settings as far as they do not depend on a board.
+    ///
+    /// # Errors
+    /// [`FrfError::Setting`] with the first one that is out of range.
+    pub fn check(&self) -> Result<(), FrfError> {
+        let [low, high] = self.band;
+        if !(low > 0.0 && low.is_finite()) {
+            return Err(setting("from", "be above 0 Hz and finite"));
+        }
+        if !(high > low && high.is_finite()) {
+            return Err(setting(
+                "to",
+                format!("be above --from, {low} Hz, and finite"),
+            ));
+        }
+        if self.averages < FEWEST {
+            let must = format!(
+                "be at least {FEWEST}: the expected error comes from the scatter of the averages"
+            );
+            return Err(setting("averages", must));
+        }
+        if self.amplitude.is_some_and(|n| !(n.is_finite() && n > 0.0)) {
+            return Err(setting("amplitude", "be above 0 N and finite"));
+        }
+        Ok(())
+    }
+
+    /// Length of all test signals on a board with this sample `rate`, Hz: s.
+    ///
+    /// # Errors
+    /// [`FrfError::Setting`] if the board cannot measure so.
+    pub fn duration(&self, rate: f64) -> Result<f64, FrfError> {
+        let mut samples = self.samples(&Pass::first(rate, self.band)?)?;
+        if !self.coarse {
+            samples += self.samples(&Pass::second(rate, self.band, &[])?)?;
+        }
+        Ok(LEGS as f64 * f64::from(samples) / rate)
+    }
+
+    /// Samples of the test signal in an experiment with the windows of `pass`.
+    ///
+    /// # Errors
+    /// If that is more than the board allows.
+    fn samples(&self, pass: &Pass) -> Result<u32, FrfError> {
+        let windows = u64::from(self.settling) + u64::from(self.averages);
+        let samples = windows * u64::from(pass.samples()) + u64::from(AFTER);
+        u32::try_from(samples)
+            .ok()
+            .filter(|samples| *samples <= LONGEST)
+            .ok_or_else(|| {
+                let most = (LONGEST - AFTER) / pass.samples();
+                let must = format!(
+                    "with --averages be at most {most} windows together, the longest test signal"
+                );
+                setting("settling", must)
+            })
+    }
+}
+
+/// Samples after a window until the board has added up all of it.
+const AFTER: u32 = 2 * BLOCK;
+
+/// A line with its plant.
+struct Measured {
+    line: MeasuredLine,
+    plant: Gain,
+}
+
+/// Adds the lines of a pass.
+fn evaluate_pass(
+    study: &Study,
+    law: Option<&LinearLaw>,
+    pass: &Pass,
+    experiments: &[Experiment],
+    measured: &mut Vec<Measured>,
+) {
+    let lines = 0..pass.turns.len();
+    measured.extend(lines.filter_map(|line| evaluate(study, law, pass, experiments, line)));
+}
+
+fn evaluate(
+    study: &Study,
+    law: Option<&LinearLaw>,
+    pass: &Pass,
+    experiments: &[Experiment],
+    line: usize,
+) -> Option<Measured> {
+    let hz = pass.hertz()[line];
+    let averages = experiments[0].windows.len();
+    let channels = experiments[0].windows[0][line].len();
+    let sensors = channels - LEGS;
+    let mean = |experiment: &Experiment, channel: usize| {
+        let all = experiment.windows.iter();
+        all.map(|window| window[line][channel])
+            .sum::<Complex<f64>>()
+            / averages as f64
+    };
+    let u = Matrix6::from_fn(|i, j| mean(&experiments[j], sensors + i));
+    let y = Gain::from_fn(sensors, |i, j| mean(&experiments[j], i));
+    let inverse = u.try_inverse()?;
+    let plant = &y * inverse;
+    let z = study.plant().z(hz);
+    let model = study.plant().response(hz).g22();
+    // The scatter of y − G·u: the error of Y·U⁻¹ where both are noisy.
+    let scatter = DMatrix::from_fn(sensors, LEGS, |i, j| {
+        let all = experiments[j].windows.iter().map(|window| &window[line]);
+        let residual = |c: &Vec<Complex<f64>>| {
+            let by_forces: Complex<f64> = (0..LEGS).map(|k| plant[(i, k)] * c[sensors + k]).sum();
+            (c[i] - by_forces).norm_sqr()
+        };
+        let square: f64 = all.map(residual).sum();
+        square / (averages * (averages - 1)) as f64
+    });
+    let by_noise = scatter * inverse.map(|x| x.norm_sqr());
+    let mut error = 0.0_f64;
+    let mut expected = 0.0_f64;
+    for first in (0..sensors).step_by(LEGS) {
+        let whole: f64 = model.rows(first, LEGS).map(|x| x.norm_sqr()).sum();
+        let off = (plant.rows(first, LEGS) - model.rows(first, LEGS)).map(|x| x.norm_sqr());
+        error = error.max((off.sum() / whole).sqrt());
+        expected = expected.max((by_noise.rows(first, LEGS).sum() / whole).sqrt());
+    }
+    let sensitivity = law.map(|law| {
+        let measured = u / pass.injected(line);
+        [measured, sensitivity(law, z, &model)].map(|s| s.singular_values().max())
+    });
+    let pairs = |m: &Gain| {
+        let row = |i: usize| core::array::from_fn(|j| [m[(i, j)].re, m[(i, j)].im]);
+        (0..sensors).map(row).collect()
+    };
+    let deviation = (0..sensors).map(|i| core::array::from_fn(|j| by_noise[(i, j)].sqrt()));
+    Some(Measured {
+        line: MeasuredLine {
+            hz,
+            amplitude: pass.amplitudes[line],
+            plant: pairs(&plant),
+            deviation: deviation.collect(),
+            model: pairs(&model),
+            error,
+            expected_error: expected,
+            sensitivity,
+        },
+        plant,
+    })
+}
