@@ -4,6 +4,7 @@ pub mod bound;
 pub mod campaign;
 pub mod compare;
 pub mod design;
+pub mod fit;
 pub mod floor;
 pub mod link;
 pub mod model;

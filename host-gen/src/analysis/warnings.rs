@@ -25,6 +25,7 @@ impl Statement {
                 Certainty::Published => "published",
                 Certainty::Reconstructed => "reconstructed",
                 Certainty::Assumed => "assumed",
+                Certainty::Measured => "measured",
             },
             entries: provenance.entries.clone(),
             from: provenance.from.clone(),

@@ -89,9 +89,10 @@ pub fn modal(
         .as_ref()
         .zip(beside)
         .map(|(sensor, input)| {
-            let calibration = machine.board.adc.calibration(sensor.sensitivity);
+            let [_, gains] = machine.board.gains.sensors;
+            let calibration = |gain| machine.board.adc.calibration(sensor.sensitivity * gain);
             Complement {
-                sensors: [calibration; LEGS],
+                sensors: gains.map(calibration),
                 input: input.map(|x| x as f32),
                 // Without a crossover frequency only the accelerometers act.
                 split: shapes.each_ref().map(|shape| {
@@ -147,6 +148,7 @@ fn with_paths(
     let board = &machine.board;
     let period = board.period();
     let frequency = target.frequency;
+    let [gains, _] = board.gains.sensors;
     let table = Table {
         version: FORMAT_VERSION,
         model: machine.digest,
@@ -156,7 +158,7 @@ fn with_paths(
             FeedbackKind::Acceleration | FeedbackKind::Both => table::Feedback::Acceleration,
             FeedbackKind::Force => table::Feedback::Force,
         },
-        sensors: [board.adc.calibration(board.sensor.sensitivity); LEGS],
+        sensors: gains.map(|gain| board.adc.calibration(board.sensor.sensitivity * gain)),
         adc_max: board.adc.max(),
         ac_coupling: coefficient(AC_COUPLING * frequency, period) as f32,
         ac_limit: f32::MAX,
@@ -165,7 +167,10 @@ fn with_paths(
             leak: coefficient(LEAK * frequency, period) as f32,
             anti_windup: coefficient(ANTI_WINDUP * frequency, period) as f32,
         },
-        actuators: [board.dac.drive(board.actuator_gain, board.force_limit); LEGS],
+        actuators: board.gains.actuators.map(|gain| {
+            let gain = board.actuator_gain * gain;
+            board.dac.drive(gain, board.force_limit)
+        }),
         dac_max: board.dac.max(),
         supervision: supervision(machine),
         self_test: self_test(machine, plant),

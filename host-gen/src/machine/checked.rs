@@ -69,6 +69,8 @@ pub struct Machine {
     pub simulation: Simulation,
     /// Settings of the Monte Carlo run.
     pub robustness: Robustness,
+    /// How far the machine may be from the numbers of its file.
+    pub uncertainty: Uncertainty,
     /// Sources of the numbers.
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description without comments and layout: everything that decides the
@@ -339,6 +341,8 @@ pub struct Board {
     pub accelerometer: Option<Sensor>,
     /// Force sensors, if the machine has them.
     pub force_sensor: Option<Sensor>,
+    /// Measured gains of single channels.
+    pub gains: ChannelGains,
     /// Force per volt at the DAC, N/V.
     pub actuator_gain: f64,
     /// Bandwidth of amplifier and piezo as a first-order low-pass, Hz.
@@ -365,6 +369,39 @@ impl Board {
             .into_iter()
             .flatten()
     }
+}
+
+/// Gains of single channels relative to those of their kind (no unit).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChannelGains {
+    /// Of the sensors that are fed back, by kind, in the order of [`Board::fed_back`].
+    pub sensors: [[f64; LEGS]; 2],
+    /// Of the actuators.
+    pub actuators: [f64; LEGS],
+}
+
+/// Standard deviations of the numbers of a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// Of the mass of each rigid body, relative (no unit).
+    pub mass: f64,
+    /// Of each principal moment of inertia of a rigid body, apart from that of its mass, relative
+    /// (no unit).
+    pub inertia: f64,
+    /// Of each coordinate of the centre of gravity of a rigid body, m.
+    pub cog: f64,
+    /// Of the stiffness of each beam, relative (no unit).
+    pub stiffness: f64,
+    /// Of all damping together, relative (no unit).
+    pub damping: f64,
+    /// Of the gain of each sensor, relative (no unit).
+    pub sensor_gain: f64,
+    /// Of the direction of each accelerometer about both axes across it, rad.
+    pub misalignment: f64,
+    /// Of the gain of each actuator, relative (no unit).
+    pub actuator_gain: f64,
+    /// Of the delay from the sample to the new forces, s.
+    pub delay: f64,
 }
 
 /// How machines are perturbed for the Monte Carlo run; all distributions are uniform.
@@ -509,6 +546,7 @@ impl Machine {
             name: _,
             supervision: _,
             shapes: _,
+            uncertainty: _,
             provenance: _,
             digest: _,
             description: _,

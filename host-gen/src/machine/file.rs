@@ -66,10 +66,12 @@
 //!         }),
 //!         force_sensor: None,
 //!         actuator: ActuatorEntry { gain: 100.0, limit: 200.0, bandwidth: None },
+//!         gains: GainsEntry::default(),
 //!     },
 //!     supervision: SupervisionSettings::default(),
 //!     simulation: Simulation::default(),
 //!     robustness: RobustnessEntry::default(),
+//!     uncertainty: UncertaintyEntry::default(),
 //!     provenance: Vec::new(),
 //! };
 //! let mut on_disc = Vec::new();
@@ -198,6 +200,9 @@ pub struct MachineFile {
     /// modal law is verified.
     #[serde(default, skip_serializing)]
     pub robustness: RobustnessEntry,
+    /// Standard deviations of the numbers of this file. Not part of the digest.
+    #[serde(default, skip_serializing)]
+    pub uncertainty: UncertaintyEntry,
     /// Sources of the numbers in this file. Not part of the digest.
     #[serde(default, skip_serializing)]
     pub provenance: Vec<Provenance>,
@@ -690,6 +695,31 @@ pub struct BoardEntry {
     pub force_sensor: Option<SensorEntry>,
     /// Piezo actuators with their amplifiers.
     pub actuator: ActuatorEntry,
+    /// Measured gains of single channels.
+    #[serde(default, skip_serializing_if = "GainsEntry::is_empty")]
+    pub gains: GainsEntry,
+}
+
+/// `[board.gains]`: measured gains of single channels (no unit), six in channel order, relative to
+/// `sensitivity` or `gain`, from 0.1 to 10. The table corrects them.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GainsEntry {
+    /// Of the accelerometers. Default: 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acceleration: Option<[f64; 6]>,
+    /// Of the force sensors. Default: 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force: Option<[f64; 6]>,
+    /// Of the actuators. Default: 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub actuators: Option<[f64; 6]>,
+}
+
+impl GainsEntry {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// `[board.adc]`: the input converters.
@@ -972,6 +1002,52 @@ impl Default for RobustnessEntry {
     }
 }
 
+/// `[uncertainty]`: how far the machine may be from the numbers of this file, as standard deviations.
+/// `fit` weighs a measurement against them.
+///
+/// The defaults are those of a machine as built from drawings, with parts from a catalogue: masses to
+/// 20 %, centres of gravity to 20 mm, stiffnesses to 30 %, damping to a factor of two, gains of sensors
+/// to 3 % and of actuators to 10 %, directions to 2°, each at two standard deviations.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct UncertaintyEntry {
+    /// Of the mass of each rigid body, relative (no unit). Above 0 and below 1.
+    pub mass: f64,
+    /// Of each principal moment of inertia of a rigid body, apart from that of its mass, relative
+    /// (no unit). Above 0 and below 1.
+    pub inertia: f64,
+    /// Of each coordinate of the centre of gravity of a rigid body, m. Above 0.
+    pub cog: f64,
+    /// Of the stiffness of each beam, relative (no unit). Above 0 and below 1.
+    pub stiffness: f64,
+    /// Of all damping together, relative (no unit). Above 0 and below 1.
+    pub damping: f64,
+    /// Of the gain of each sensor, relative (no unit). Above 0 and below 1.
+    pub sensor_gain: f64,
+    /// Of the direction of each accelerometer about both axes across it, °. Above 0, up to 45.
+    pub misalignment: f64,
+    /// Of the gain of each actuator, relative (no unit). Above 0 and below 1.
+    pub actuator_gain: f64,
+    /// Of the delay from the sample to the new forces, s. Above 0.
+    pub delay: f64,
+}
+
+impl Default for UncertaintyEntry {
+    fn default() -> Self {
+        Self {
+            mass: 0.1,
+            inertia: 0.1,
+            cog: 0.01,
+            stiffness: 0.15,
+            damping: 0.35,
+            sensor_gain: 0.015,
+            misalignment: 1.0,
+            actuator_gain: 0.05,
+            delay: 1e-6,
+        }
+    }
+}
+
 /// `[[provenance]]`: the source of some numbers.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -979,7 +1055,8 @@ pub struct Provenance {
     /// Keys of this file, such as `"nodes.n3"` or `"bodies.lens.cog"`. A key includes all
     /// keys below it.
     pub entries: Vec<String>,
-    /// How certain the numbers are: `"published"`, `"reconstructed"` or `"assumed"`.
+    /// How certain the numbers are: `"published"`, `"reconstructed"`, `"assumed"` or
+    /// `"measured"`.
     pub kind: Certainty,
     /// The source, in words.
     pub from: String,
@@ -995,4 +1072,6 @@ pub enum Certainty {
     Reconstructed,
     /// The number is a choice or an estimate.
     Assumed,
+    /// The number was measured on the machine.
+    Measured,
 }

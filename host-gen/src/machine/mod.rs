@@ -42,8 +42,9 @@ mod validate;
 use std::path::Path;
 
 pub use checked::{
-    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, FlexibleBody,
-    LowerCorner, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
+    Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
+    FlexibleBody, LowerCorner, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
+    Uncertainty,
 };
 pub(crate) use error::EntryError;
 pub use error::MachineError;

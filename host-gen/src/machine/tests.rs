@@ -209,6 +209,7 @@ fn frame() -> MachineFile {
         supervision: SupervisionSettings::default(),
         simulation: Simulation::default(),
         robustness: RobustnessEntry::default(),
+        uncertainty: UncertaintyEntry::default(),
         provenance: Vec::new(),
     }
 }

@@ -11,14 +11,15 @@ use shared::table::{ModelDigest, SECTIONS};
 
 use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
-    Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, FlexibleBody,
-    GainErrors, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
+    Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
+    FlexibleBody, GainErrors, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
+    Uncertainty,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind, ForceSensorEntry,
-    Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, RollOff, ShapeEntry,
-    Simulation, SpectrumEntry, SupervisionSettings,
+    GainsEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, RollOff,
+    ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings, UncertaintyEntry,
 };
 use super::flexible::flexible_body;
 use super::limits::{self, Limits};
@@ -216,6 +217,7 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     supervision(&file.supervision, board.sample_rate)?;
     simulation(&file.simulation, board.sample_rate)?;
     let robustness = robustness(&file.robustness, &bodies, &names, &actuators)?;
+    let uncertainty = uncertainty(&file.uncertainty)?;
 
     if !file.provenance.is_empty() {
         // Numbers were checked, so this does not fail.
@@ -256,6 +258,7 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         supervision: file.supervision,
         simulation: file.simulation,
         robustness,
+        uncertainty,
         gain_errors: GainErrors::default(),
         provenance: file.provenance.clone(),
         description: file,
@@ -812,8 +815,10 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         return Err(EntryError::new("board.dac.range", message));
     }
     let gain = not_zero("board.actuator.gain", spec.actuator.gain)?;
+    let gains = gains(&spec.gains, feedback)?;
     let limit = positive("board.actuator.limit", spec.actuator.limit, "N")?;
-    let reach = dac.reach(gain);
+    let least = gains.actuators.into_iter().fold(f64::INFINITY, f64::min);
+    let reach = dac.reach(gain * least);
     if limit > reach {
         return Err(EntryError::new(
             "board.actuator.limit",
@@ -834,6 +839,7 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         beside,
         accelerometer,
         force_sensor,
+        gains,
         actuator_gain: gain,
         actuator_bandwidth: bandwidth("board.actuator.bandwidth", spec.actuator.bandwidth)?,
         force_limit: limit,
@@ -847,6 +853,50 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         .fix("lower the sample rate or the delays"));
     }
     Ok(board)
+}
+
+/// The gains of single channels.
+fn gains(spec: &GainsEntry, feedback: FeedbackKind) -> Checked<ChannelGains> {
+    let six = |key: &str, gains: Option<[f64; LEGS]>| {
+        let gains = gains.unwrap_or([1.0; LEGS]);
+        let good = |gain: &f64| (0.1..=10.0).contains(gain);
+        if gains.iter().all(good) {
+            return Ok(gains);
+        }
+        Err(EntryError::new(
+            format!("board.gains.{key}"),
+            "gains must be from 0.1 to 10, relative to that of all channels",
+        )
+        .fix("put a common factor or a sign into sensitivity or gain"))
+    };
+    let accelerometers = six("acceleration", spec.acceleration)?;
+    let force_sensors = six("force", spec.force)?;
+    Ok(ChannelGains {
+        sensors: match feedback {
+            FeedbackKind::Acceleration | FeedbackKind::Both => [accelerometers, force_sensors],
+            FeedbackKind::Force => [force_sensors, accelerometers],
+        },
+        actuators: six("actuators", spec.actuators)?,
+    })
+}
+
+fn uncertainty(spec: &UncertaintyEntry) -> Checked<Uncertainty> {
+    let part = |key: &str, value: f64| {
+        let entry = format!("uncertainty.{key}");
+        let value = fraction(&entry, value)?;
+        positive(&entry, value, "")
+    };
+    Ok(Uncertainty {
+        mass: part("mass", spec.mass)?,
+        inertia: part("inertia", spec.inertia)?,
+        cog: positive("uncertainty.cog", spec.cog, "m")?,
+        stiffness: part("stiffness", spec.stiffness)?,
+        damping: part("damping", spec.damping)?,
+        sensor_gain: part("sensor_gain", spec.sensor_gain)?,
+        misalignment: positive("uncertainty.misalignment", spec.misalignment, "°")?.to_radians(),
+        actuator_gain: part("actuator_gain", spec.actuator_gain)?,
+        delay: positive("uncertainty.delay", spec.delay, "s")?,
+    })
 }
 
 /// Longest silence of the link, s: at any sample rate it fits the table's counter.

@@ -90,6 +90,8 @@ pub struct Rig {
 /// One kind of sensors.
 struct Kind {
     sensor: Sensor,
+    /// Gains of the channels.
+    gains: [f64; LEGS],
     /// The rms of the white noise of sensor and ADC together, V.
     white: f64,
     /// The sensors' own noise, if it is not white.
@@ -122,7 +124,7 @@ impl Rig {
             random.set_stream(number);
             random
         };
-        let kind = |(i, sensor): (u64, &Sensor)| {
+        let kind = |(i, (sensor, gains)): (u64, (&Sensor, [f64; LEGS]))| {
             let density = &sensor.noise_density;
             let rate = board.sample_rate;
             let (white, shaped) = if density.is_white() {
@@ -132,6 +134,7 @@ impl Rig {
             };
             Kind {
                 sensor: sensor.clone(),
+                gains,
                 white: (white * sensor.sensitivity).hypot(board.adc_noise),
                 shaped,
             }
@@ -154,7 +157,10 @@ impl Rig {
             within,
             forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
             base_motion: BaseMotion::noise(settings, plant.period, stream(0)),
-            kinds: (0..).zip(board.fed_back()).map(kind).collect(),
+            kinds: (0..)
+                .zip(board.fed_back().zip(board.gains.sensors))
+                .map(kind)
+                .collect(),
             sensor_noise: stream(1),
             output_noise: stream(2),
             floor: [[0.0; LEGS]; 2],
@@ -194,6 +200,7 @@ impl Rig {
             let (sensor, noise) = (&kind.sensor, kind.white);
             let own = shaped.unwrap_or_default();
             let values = values.iter().zip(own).map(|(value, own)| value + own);
+            let values = values.zip(kind.gains).map(|(value, gain)| value * gain);
             for ((code, value), drift) in codes.iter_mut().zip(values).zip(self.drift) {
                 let normal: f64 = StandardNormal.sample(&mut self.sensor_noise);
                 let offset = sensor.offset + drift;
@@ -211,10 +218,10 @@ impl Rig {
     /// period, m/s².
     pub fn advance(&mut self, dac: [DacCode; LEGS]) -> DVectorView<'_, f64> {
         let board = &self.board;
-        let force = dac.map(|code| {
+        let force = core::array::from_fn(|leg| {
             let normal: f64 = StandardNormal.sample(&mut self.output_noise);
-            board.dac.force(code, board.actuator_gain)
-                + board.dac_noise * normal * board.actuator_gain
+            let gain = board.actuator_gain * board.gains.actuators[leg];
+            board.dac.force(dac[leg], gain) + board.dac_noise * normal * gain
         });
         self.forces.pop_back();
         self.forces.push_front(force);

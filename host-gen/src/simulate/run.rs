@@ -90,8 +90,8 @@ fn watched(
                 run.rms[i] += x * x;
                 run.peak[i] = run.peak[i].max(x.abs());
             }
-            for code in dac {
-                let force = board.dac.force(code, board.actuator_gain);
+            for (code, gain) in dac.into_iter().zip(board.gains.actuators) {
+                let force = board.dac.force(code, board.actuator_gain * gain);
                 run.force_peak = run.force_peak.max(force.abs());
             }
         }

@@ -147,8 +147,10 @@ pub fn history(study: &Study, table: &ValidTable) -> History {
         closed.advance(dac);
         open.rig.sample();
         open.advance(safe);
-        for (force, code) in force.iter_mut().zip(dac) {
-            *force = force.max(board.dac.force(code, board.actuator_gain).abs());
+        let gains = board.gains.actuators;
+        for ((force, code), gain) in force.iter_mut().zip(dac).zip(gains) {
+            let gain = board.actuator_gain * gain;
+            *force = force.max(board.dac.force(code, gain).abs());
         }
         let time = k as f64 / board.sample_rate;
         if k.is_multiple_of(point) {

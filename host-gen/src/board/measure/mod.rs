@@ -10,11 +10,11 @@
 //! length, and lines around the resonances that the first has found.
 
 mod experiment;
-mod fit;
 mod lines;
+mod rational_fit;
 
 use nalgebra::{Complex, DMatrix, Matrix6};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shared::LEGS;
 use shared::injection::LONGEST;
 use shared::multisine::BLOCK;
@@ -28,11 +28,10 @@ use crate::design::Study;
 use crate::plant::Gain;
 use crate::progress::Progress;
 use experiment::{Course, Experiment};
-use fit::Fit;
 use lines::{force_limit, sensitivity};
 
-pub use fit::Resonance;
 pub use lines::{Pass, Response};
+pub use rational_fit::{RationalFit, Resonance};
 
 /// Settings of a measurement.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +53,7 @@ pub struct MeasurementSettings {
 pub const FEWEST: u32 = 2;
 
 /// A measurement.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Measurement {
     /// The resonances of a rational function through all lines, ascending; none where there are too
     /// few lines for one.
@@ -64,7 +63,7 @@ pub struct Measurement {
 }
 
 /// The result at one frequency.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct MeasuredLine {
     /// Frequency, Hz.
     pub hz: f64,
@@ -86,6 +85,55 @@ pub struct MeasuredLine {
     /// σ_max of the sensitivity at the legs, measured and predicted from model and table;
     /// none with the loop open.
     pub sensitivity: Option<[f64; 2]>,
+}
+
+/// Lines with a larger expected error, relative to what was measured, say nothing about poles.
+const NOISY: f64 = 0.3;
+
+impl MeasuredLine {
+    /// Measured G22.
+    pub fn gain(&self) -> Gain {
+        Gain::from_fn(self.plant.len(), |i, j| {
+            let [re, im] = self.plant[i][j];
+            Complex::new(re, im)
+        })
+    }
+
+    /// Root of the sum of the squares of all deviations of a kind of sensors, and the Frobenius norm
+    /// of its measured G22: by kind.
+    fn kinds(&self) -> Vec<[f64; 2]> {
+        let plant = self.gain();
+        let rows = (0..plant.nrows()).step_by(LEGS);
+        rows.map(|row| {
+            let deviations = self.deviation[row..row + LEGS].as_flattened();
+            let square: f64 = deviations.iter().map(|x| x * x).sum();
+            [square.sqrt(), plant.rows(row, LEGS).norm()]
+        })
+        .collect()
+    }
+
+    /// Expected error relative to what was measured; the larger value of the two kinds of sensors.
+    pub fn noise(&self) -> f64 {
+        let parts = self.kinds().into_iter().map(|[error, size]| error / size);
+        parts.fold(0.0, f64::max)
+    }
+
+    /// Whether it is so exact that it says something about poles.
+    pub fn is_clear(&self) -> bool {
+        self.noise() < NOISY
+    }
+
+    /// Frobenius norm of measured minus another G22, relative to the measured one; the larger value
+    /// of the two kinds of sensors.
+    pub fn distance(&self, other: &Gain) -> f64 {
+        let plant = self.gain();
+        let rows = (0..plant.nrows()).step_by(LEGS);
+        rows.map(|row| {
+            let [measured, other] = [&plant, other].map(|gain| gain.rows(row, LEGS));
+            (measured - other).norm() / measured.norm()
+        })
+        .fold(0.0, f64::max)
+    }
 }
 
 /// Errors of a measurement.
@@ -220,7 +268,7 @@ pub fn measure(
         &mut measured,
     );
     if !settings.coarse {
-        let fit = Fit::new(&measured);
+        let fit = RationalFit::new(&measured);
         let resonances = fit.as_ref().map_or(&[][..], |fit| &fit.resonances);
         let mut pass = Pass::second(rate, settings.band, resonances)?;
         let responses = match &fit {
@@ -235,11 +283,11 @@ pub fn measure(
             &course.experiments(client, &pass)?,
             &mut measured,
         );
-        measured.sort_by(|a, b| a.line.hz.total_cmp(&b.line.hz));
+        measured.sort_by(|a, b| a.hz.total_cmp(&b.hz));
     }
     Ok(Measurement {
-        resonances: Fit::new(&measured).map_or_else(Vec::new, |fit| fit.resonances),
-        lines: measured.into_iter().map(|measured| measured.line).collect(),
+        resonances: RationalFit::new(&measured).map_or_else(Vec::new, |fit| fit.resonances),
+        lines: measured,
     })
 }
 
@@ -313,19 +361,13 @@ impl MeasurementSettings {
 /// Samples after a window until the board has added up all of it.
 const AFTER: u32 = 2 * BLOCK;
 
-/// A line with its plant.
-struct Measured {
-    line: MeasuredLine,
-    plant: Gain,
-}
-
 /// Adds the lines of a pass.
 fn evaluate_pass(
     study: &Study,
     law: Option<&LinearLaw>,
     pass: &Pass,
     experiments: &[Experiment],
-    measured: &mut Vec<Measured>,
+    measured: &mut Vec<MeasuredLine>,
 ) {
     let lines = 0..pass.turns.len();
     measured.extend(lines.filter_map(|line| evaluate(study, law, pass, experiments, line)));
@@ -337,7 +379,7 @@ fn evaluate(
     pass: &Pass,
     experiments: &[Experiment],
     line: usize,
-) -> Option<Measured> {
+) -> Option<MeasuredLine> {
     let hz = pass.hertz()[line];
     let averages = experiments[0].windows.len();
     let channels = experiments[0].windows[0][line].len();
@@ -382,17 +424,14 @@ fn evaluate(
         (0..sensors).map(row).collect()
     };
     let deviation = (0..sensors).map(|i| core::array::from_fn(|j| by_noise[(i, j)].sqrt()));
-    Some(Measured {
-        line: MeasuredLine {
-            hz,
-            amplitude: pass.amplitudes[line],
-            plant: pairs(&plant),
-            deviation: deviation.collect(),
-            model: pairs(&model),
-            error,
-            expected_error: expected,
-            sensitivity,
-        },
-        plant,
+    Some(MeasuredLine {
+        hz,
+        amplitude: pass.amplitudes[line],
+        plant: pairs(&plant),
+        deviation: deviation.collect(),
+        model: pairs(&model),
+        error,
+        expected_error: expected,
+        sensitivity,
     })
 }

@@ -8,6 +8,7 @@ mod controller;
 mod faults;
 mod floors;
 mod gains;
+mod identification;
 mod loops;
 mod modes;
 mod plant_matrices;

@@ -1,0 +1,122 @@
+//! A rational function through what was measured, and its resonances.
+
+use nalgebra::{Complex, DMatrix};
+use serde::{Deserialize, Serialize};
+use shared::LEGS;
+
+use super::MeasuredLine;
+use crate::numeric::vector_fit::Rational;
+
+/// Pairs of poles that are sought.
+const PAIRS: usize = 12;
+
+/// Smallest error of a line, relative to its plant: with less, few lines would make all of the fit.
+const EXACT: f64 = 1e-3;
+
+/// A pole of higher damping is no resonance whose peak needs lines of its own.
+const RESONANT: f64 = 0.2;
+
+/// Mean square of what a resonance adds to a response, summed over the lines, each relative to its
+/// error: below it, noise could have made the pole.
+const CERTAIN: f64 = 25.0;
+
+/// A resonance that was measured.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+pub struct Resonance {
+    /// Natural frequency, Hz.
+    pub hz: f64,
+    /// Damping ratio.
+    pub damping: f64,
+}
+
+/// A rational function through measured lines.
+#[derive(Clone, Debug)]
+pub struct RationalFit {
+    /// Frequencies of the lines that are exact enough, Hz, ascending.
+    pub hertz: Vec<f64>,
+    /// What was measured: a row for each of them, a column for each entry of G22, column by column.
+    pub responses: DMatrix<Complex<f64>>,
+    /// The inverse of the standard deviation of each entry of `responses`, but at most
+    /// 1/[`EXACT`] of its kind's size.
+    pub weights: DMatrix<f64>,
+    /// Resonances that the measurement shows beyond doubt, ascending.
+    pub resonances: Vec<Resonance>,
+    /// The function.
+    pub rational: Rational,
+    /// Size of an entry, as the root of the mean square of its kind of sensors, in the form of
+    /// `weights`.
+    sizes: DMatrix<f64>,
+}
+
+impl RationalFit {
+    /// Through lines in ascending order. None where there are too few lines.
+    pub fn new(lines: &[MeasuredLine]) -> Option<Self> {
+        let lines: Vec<_> = lines.iter().filter(|line| line.is_clear()).collect();
+        let hertz: Vec<_> = lines.iter().map(|line| line.hz).collect();
+        let plants: Vec<_> = lines.iter().map(|line| line.gain()).collect();
+        let kinds: Vec<_> = lines.iter().map(|line| line.kinds()).collect();
+        let [rows, count] = [plants.first()?.nrows(), plants.first()?.len()];
+        let responses = DMatrix::from_fn(lines.len(), count, |k, j| plants[k][j]);
+        // All entries of a kind of sensors alike.
+        let of_kind = |part: usize| {
+            DMatrix::from_fn(lines.len(), count, |k, j| {
+                kinds[k][j % rows / LEGS][part] / LEGS as f64
+            })
+        };
+        let [errors, sizes] = [0, 1].map(of_kind);
+        let weights = errors.zip_map(&sizes, |error, size| 1.0 / error.hypot(EXACT * size));
+        let pairs = PAIRS.min(hertz.len().saturating_sub(2) / 2);
+        let rational = Rational::fit(&hertz, &responses, &weights, pairs)?;
+        let mut resonances = Vec::new();
+        for (index, pole) in rational.poles.iter().enumerate() {
+            let found = Resonance {
+                hz: pole.norm(),
+                damping: -pole.re / pole.norm(),
+            };
+            let square = |(k, hz): (usize, &f64)| {
+                let part = rational.part(index, *hz);
+                let parts = (0..count).map(|j| (part[j] * weights[(k, j)]).norm_sqr());
+                parts.sum::<f64>()
+            };
+            let certainty: f64 = hertz.iter().enumerate().map(square).sum();
+            if found.damping < RESONANT && certainty > CERTAIN * count as f64 {
+                resonances.push(found);
+            }
+        }
+        resonances.sort_by(|a, b| a.hz.total_cmp(&b.hz));
+        Some(Self {
+            hertz,
+            responses,
+            weights,
+            resonances,
+            rational,
+            sizes,
+        })
+    }
+
+    /// The responses of the function if every resonance had a damping that is larger by `added`, in
+    /// the form of `responses`. `forces` is the row of G22 from which on its sensors are of forces,
+    /// and not of accelerations.
+    pub fn damped(&self, added: f64, forces: usize) -> DMatrix<Complex<f64>> {
+        let rows = self.responses.ncols() / LEGS;
+        // Accelerations are s² times the displacements that forces follow.
+        let power = |j: usize| if j % rows < forces { 2 } else { 0 };
+        let damped = self.rational.damped(added, RESONANT, power);
+        let rows = self.hertz.iter().map(|hz| damped.at(*hz).transpose());
+        DMatrix::from_rows(&rows.collect::<Vec<_>>())
+    }
+
+    /// Weights for errors of this part of the size of an entry. Where all are small, far below the
+    /// resonances, the function is a small difference of large parts: there it is that part of the
+    /// middle size.
+    pub fn relative_weights(&self, error: f64) -> DMatrix<f64> {
+        let mut weights = self.sizes.clone();
+        for mut column in weights.column_iter_mut() {
+            let mut sorted: Vec<_> = column.iter().copied().collect();
+            sorted.sort_by(f64::total_cmp);
+            let middle = sorted[sorted.len() / 2];
+            column.apply(|size| *size = 1.0 / (error * size.max(middle)));
+        }
+        weights
+    }
+}

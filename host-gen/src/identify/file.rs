@@ -1,0 +1,181 @@
+//! The fitted machine as a file that is based on the one that was fitted.
+
+use toml::{Table, Value};
+
+use super::{Identification, Quantity};
+use crate::machine::file::ProfileEntry;
+use crate::machine::{FeedbackKind, Machine, MachineFile};
+
+/// Significant digits of what is written: more than any measurement has.
+const DIGITS: usize = 7;
+
+/// The text of a machine file that is `based_on` the one of `machine`, the machine that was fitted,
+/// and holds what the measurement has changed. `from` says where the numbers are from.
+///
+/// The delay is not in it: the board keeps its own. Gains are those of each channel.
+pub fn fitted_file(
+    machine: &Machine,
+    found: &Identification,
+    based_on: &str,
+    name: &str,
+    from: &str,
+) -> String {
+    let fitted = &found.machine;
+    let description = machine.description();
+    let mut root = Table::new();
+    let mut entries = Vec::new();
+    let mut put = |path: &[&str], value: Value| {
+        let mut table = &mut root;
+        let Some((last, path)) = path.split_last() else {
+            return;
+        };
+        for key in path {
+            let next = table.entry(*key).or_insert_with(|| Table::new().into());
+            let Value::Table(next) = next else { return };
+            table = next;
+        }
+        table.insert((*last).to_owned(), value);
+    };
+    for body in &fitted.bodies {
+        let at = |key: &'static str| ["bodies", body.name.as_str(), key];
+        put(&at("mass"), number(body.mass));
+        let rows = (0..3).map(|i| numbers((0..3).map(|j| body.inertia[(i, j)])));
+        put(&at("inertia"), Value::Array(rows.collect()));
+        put(&at("cog"), numbers(body.cog.iter().copied()));
+        for key in ["mass", "inertia", "cog"] {
+            entries.push(format!("bodies.{}.{key}", body.name));
+        }
+    }
+    let damping = change(found, Quantity::Damping);
+    for (i, beam) in fitted.beams.iter().enumerate() {
+        let factor = change(found, Quantity::Stiffness(i)).exp();
+        let Some((entry, own)) = stiffness(description, &beam.name) else {
+            continue;
+        };
+        let profile = free_name(description, &beam.name);
+        let section = if own {
+            entries.push(format!("beams.{}.stiffness", beam.name));
+            ["beams", &beam.name, "stiffness"].to_vec()
+        } else {
+            entries.push(format!("profiles.{profile}"));
+            put(&["beams", &beam.name, "profile"], profile.clone().into());
+            ["profiles", &profile].to_vec()
+        };
+        for (name, value) in scaled(&entry, factor, damping.exp()) {
+            put(&[&section[..], &[&name]].concat(), value);
+        }
+    }
+    if fitted.damping.modal > 0.0 {
+        put(&["damping", "modal"], number(fitted.damping.modal));
+        entries.push("damping.modal".to_owned());
+    }
+    if fitted.damping.rayleigh != [0.0; 2] {
+        put(&["damping", "rayleigh"], numbers(fitted.damping.rayleigh));
+        entries.push("damping.rayleigh".to_owned());
+    }
+    for sensor in fitted.accelerometers.iter().flatten() {
+        let path = ["sensors", "acceleration", sensor.name.as_str(), "direction"];
+        put(&path, numbers(sensor.direction.iter().copied()));
+        entries.push(format!("sensors.acceleration.{}.direction", sensor.name));
+    }
+    // Errors are by kind, accelerometers first; gains of a board begin with what is fed back.
+    let [first, second] = machine.board.gains.sensors;
+    let known = match machine.target.feedback {
+        FeedbackKind::Acceleration | FeedbackKind::Both => [first, second],
+        FeedbackKind::Force => [second, first],
+    };
+    let errors = &fitted.gain_errors;
+    let all = [
+        ("acceleration", known[0], errors.sensors[0]),
+        ("force", known[1], errors.sensors[1]),
+        ("actuators", machine.board.gains.actuators, errors.actuators),
+    ];
+    for (key, known, errors) in all {
+        if errors.iter().any(|error| *error != 0.0) {
+            let gains = known
+                .iter()
+                .zip(errors)
+                .map(|(known, error)| known * (1.0 + error));
+            put(&["board", "gains", key], numbers(gains));
+            entries.push(format!("board.gains.{key}"));
+        }
+    }
+    let mut provenance = Table::new();
+    let entries: Vec<Value> = entries.into_iter().map(Value::from).collect();
+    provenance.insert("entries".to_owned(), entries.into());
+    provenance.insert("kind".to_owned(), "measured".into());
+    provenance.insert("from".to_owned(), from.into());
+    root.insert(
+        "provenance".to_owned(),
+        Value::Array(vec![provenance.into()]),
+    );
+    let mut top = Table::new();
+    top.insert("based_on".to_owned(), based_on.into());
+    top.insert("name".to_owned(), name.into());
+    format!("{top}\n{root}")
+}
+
+/// The change of a quantity, in the unit of its scale.
+fn change(found: &Identification, quantity: Quantity) -> f64 {
+    let mut own = found
+        .changes
+        .iter()
+        .filter(|(parameter, _)| parameter.quantity == quantity);
+    own.next().map_or(0.0, |(_, change)| *change)
+}
+
+/// The stiffness set of a beam, and whether it is its own.
+fn stiffness(description: &MachineFile, beam: &str) -> Option<(ProfileEntry, bool)> {
+    let entry = description.beams.get(beam)?;
+    if let Some(own) = &entry.stiffness {
+        return Some((own.clone(), true));
+    }
+    let profile = description.profiles.get(entry.profile.as_deref()?)?;
+    Some((profile.clone(), false))
+}
+
+/// A name for a profile that the file does not have yet.
+fn free_name(description: &MachineFile, beam: &str) -> String {
+    let mut name = beam.to_owned();
+    while description.profiles.contains_key(&name) {
+        name.push_str("-fitted");
+    }
+    name
+}
+
+/// A stiffness set with other stiffness and damping.
+fn scaled(entry: &ProfileEntry, stiffness: f64, damping: f64) -> Table {
+    let mut entry = entry.clone();
+    let stiff = [
+        &mut entry.axial,
+        &mut entry.torsion,
+        &mut entry.youngs_modulus,
+        &mut entry.shear_modulus,
+    ];
+    for value in stiff.into_iter().flatten() {
+        *value = rounded(*value * stiffness);
+    }
+    if let Some(bending) = &mut entry.bending {
+        *bending = bending.map(|x| rounded(x * stiffness));
+    }
+    for value in [&mut entry.loss_factor, &mut entry.damper]
+        .into_iter()
+        .flatten()
+    {
+        *value = rounded(*value * damping);
+    }
+    Table::try_from(&entry).unwrap_or_default()
+}
+
+/// A number with as many digits as are written.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.*e}", DIGITS - 1).parse().unwrap_or(x)
+}
+
+fn number(x: f64) -> Value {
+    rounded(x).into()
+}
+
+fn numbers(all: impl IntoIterator<Item = f64>) -> Value {
+    Value::Array(all.into_iter().map(number).collect())
+}

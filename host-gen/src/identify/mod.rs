@@ -1,0 +1,387 @@
+//! Which machine is it: what a file leaves uncertain, from responses measured in place.
+//!
+//! The estimate is the most probable one: the sum of the squares of the measured errors, relative to
+//! their standard deviations, and of the changes of all uncertain quantities, relative to theirs, is
+//! least. Resonances are so narrow that those of file and machine hardly overlap, and no search
+//! would find from one to the other. So the first steps are made with much damping added to both, to
+//! the model and to a rational function through what was measured, and less and less of it.
+
+mod file;
+mod parameters;
+
+use core::f64::consts::SQRT_2;
+
+use nalgebra::{Complex, DMatrix, DVector};
+use rayon::prelude::*;
+use serde::Serialize;
+use shared::LEGS;
+
+pub use file::fitted_file;
+pub use parameters::{Parameter, Quantity, Scale, changed, parameters};
+
+use crate::board::measure::{MeasuredLine, Measurement, RationalFit, Resonance};
+use crate::design::Study;
+use crate::machine::{FeedbackKind, Machine};
+use crate::progress::Progress;
+
+/// Damping ratios that are added in the first steps, one after the other.
+const ADDED: [f64; 5] = [0.3, 0.1, 0.03, 0.01, 0.003];
+
+/// Relative error that counts as one standard deviation in these steps.
+const ROUGH: f64 = 0.05;
+
+/// Most steps with each.
+const STEPS: usize = 60;
+
+/// A step that lessens the sum of the squares by a smaller part is the last.
+const SETTLED: f64 = 1e-5;
+
+/// With more of Levenberg's and Marquardt's damping a step is short.
+const SHORT: f64 = 1e-2;
+
+/// No quantity is farther from the file's value, in standard deviations.
+const FARTHEST: f64 = 20.0;
+
+/// Steps for differences, in standard deviations.
+const DIFFERENCE: f64 = 1e-4;
+
+/// Above this part of its deviation before, a quantity is not determined by the measurement.
+const UNDETERMINED: f64 = 0.5;
+
+/// Correlation above which two quantities cannot be told apart.
+const ALIKE: f64 = 0.95;
+
+/// Relative distance from all modes of the model at which a measured resonance is one that the model
+/// has not.
+const STRANGE: f64 = 0.02;
+
+/// Errors so many times as large as those expected from noise have another reason.
+const UNEXPLAINED: f64 = 3.0;
+
+/// Half the width of an interval of 95 %, in standard deviations.
+const INTERVAL: f64 = 1.96;
+
+/// A fitted quantity.
+#[derive(Clone, Debug, Serialize)]
+pub struct Estimate {
+    /// What it is.
+    pub name: String,
+    /// Unit of the numbers.
+    pub scale: Scale,
+    /// Change of the file's value: relative, or in this unit.
+    pub change: f64,
+    /// Half the width of the interval that holds the true change with a probability of 95 %.
+    pub interval: f64,
+    /// Whether the measurement says something about it: the interval is at most half of that before.
+    pub determined: bool,
+}
+
+/// What is left between measurement and fitted model at a frequency.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Misfit {
+    /// Frequency, Hz.
+    pub hz: f64,
+    /// Frobenius norm of measured minus fitted G22, relative to the measured one; the larger value of
+    /// the two kinds of sensors.
+    pub error: f64,
+    /// The same before the fit.
+    pub before: f64,
+    /// The value expected from the scatter of the measurement.
+    pub expected: f64,
+}
+
+/// A fitted machine.
+#[derive(Clone, Debug, Serialize)]
+pub struct Identification {
+    /// All uncertain quantities.
+    pub estimates: Vec<Estimate>,
+    /// Groups of them that cannot be told apart: only some combination of each is known.
+    pub alike: Vec<Vec<String>>,
+    /// Root of the mean square of the measured errors, relative to their standard deviations: about 1
+    /// if the model explains the measurement.
+    pub relative_misfit: f64,
+    /// Whether that is so.
+    pub explained: bool,
+    /// By frequency.
+    pub lines: Vec<Misfit>,
+    /// Measured resonances that the fitted model has not.
+    pub strange: Vec<Resonance>,
+    /// The fitted machine.
+    #[serde(skip)]
+    pub machine: Machine,
+    /// The uncertain quantities with their changes in the unit of their scale, in the order of
+    /// `estimates`.
+    #[serde(skip)]
+    pub changes: Vec<(Parameter, f64)>,
+}
+
+/// Why nothing was fitted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FitError {
+    /// Too few lines are measured well enough.
+    #[error(
+        "only {0} lines are measured to better than 30 %: measure with more --averages or a larger --amplitude, on a quieter floor"
+    )]
+    Few(usize),
+    /// The measurement is of other sensors.
+    #[error(
+        "it has {measured} sensors at each frequency, and the machine file feeds back {model}; measure with this file"
+    )]
+    Sensors {
+        /// In the measurement.
+        measured: usize,
+        /// In the model.
+        model: usize,
+    },
+    /// No model could be made on the way.
+    #[error("the machine of the file gives no model, or none near it does")]
+    NoModel,
+}
+
+/// Responses, in the order of [`RationalFit`]: a row for each frequency.
+type Responses = DMatrix<Complex<f64>>;
+
+/// One least squares problem.
+struct Problem<'a> {
+    machine: &'a Machine,
+    parameters: &'a [Parameter],
+    hertz: &'a [f64],
+    target: &'a Responses,
+    weights: &'a DMatrix<f64>,
+    /// Damping ratio added to every mode.
+    added: f64,
+}
+
+/// A point of a search.
+#[derive(Clone)]
+struct Point {
+    /// Changes, in standard deviations.
+    x: DVector<f64>,
+    errors: DVector<f64>,
+}
+
+impl Problem<'_> {
+    fn machine(&self, x: &DVector<f64>) -> Machine {
+        let changes = self.parameters.iter().zip(x.iter());
+        let changes: Vec<_> = changes.map(|(p, x)| p.deviation * x).collect();
+        let mut machine = changed(self.machine, self.parameters, &changes);
+        machine.damping.modal += self.added;
+        machine
+    }
+
+    /// The errors of the responses, then the changes; none if there is no such machine.
+    fn errors(&self, x: &DVector<f64>) -> Option<DVector<f64>> {
+        if !x.iter().all(|x| x.abs() < FARTHEST) {
+            return None;
+        }
+        let found = responses(&self.machine(x), self.hertz)?;
+        // Half the square of an error is in its real part.
+        let weights = self.weights.map(|weight| Complex::from(SQRT_2 * weight));
+        let weighted = (found - self.target).component_mul(&weights);
+        let parts = weighted.iter().flat_map(|error| [error.re, error.im]);
+        let all: Vec<_> = parts.chain(x.iter().copied()).collect();
+        all.iter()
+            .all(|error| error.is_finite())
+            .then(|| all.into())
+    }
+
+    fn at(&self, x: DVector<f64>) -> Option<Point> {
+        let errors = self.errors(&x)?;
+        Some(Point { x, errors })
+    }
+
+    /// The derivatives of the errors, a column for each quantity.
+    fn derivatives(&self, point: &Point) -> Option<DMatrix<f64>> {
+        let columns: Option<Vec<_>> = (0..self.parameters.len())
+            .into_par_iter()
+            .map(|k| {
+                let mut x = point.x.clone();
+                x[k] += DIFFERENCE;
+                Some((self.errors(&x)? - &point.errors) / DIFFERENCE)
+            })
+            .collect();
+        Some(DMatrix::from_columns(&columns?))
+    }
+
+    /// The least sum of squares near `x`, by Levenberg's and Marquardt's method.
+    fn solve(&self, x: DVector<f64>, progress: &dyn Progress) -> Option<Point> {
+        let mut point = self.at(x)?;
+        let mut damping = 1e-3;
+        for _ in 0..STEPS {
+            let derivatives = self.derivatives(&point)?;
+            let normal = derivatives.tr_mul(&derivatives);
+            let gradient = derivatives.tr_mul(&point.errors);
+            let before = point.errors.norm_squared();
+            let mut better = None;
+            while better.is_none() && damping < 1e9 {
+                let mut damped = normal.clone();
+                for k in 0..damped.nrows() {
+                    damped[(k, k)] *= 1.0 + damping;
+                }
+                let step = damped.cholesky()?.solve(&gradient);
+                better = self
+                    .at(&point.x - step)
+                    .filter(|next| next.errors.norm_squared() < before);
+                damping *= if better.is_some() { 0.2 } else { 5.0 };
+            }
+            progress.advance();
+            let Some(next) = better else { break };
+            let after = next.errors.norm_squared();
+            point = next;
+            // A short step says nothing about the minimum.
+            if before - after < SETTLED * before && damping < SHORT {
+                break;
+            }
+            damping = damping.max(1e-9);
+        }
+        Some(point)
+    }
+}
+
+/// Groups of two and more of `count` things, each of which is `alike` another one of its group.
+fn groups(count: usize, alike: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for i in 0..count {
+        let (near, mut others): (Vec<_>, Vec<_>) = groups
+            .into_iter()
+            .partition(|group| group.iter().any(|j| alike(i, *j)));
+        let mut joined = near.concat();
+        joined.push(i);
+        others.push(joined);
+        groups = others;
+    }
+    groups.retain(|group| group.len() > 1);
+    groups
+}
+
+/// G22 of a machine at these frequencies; none if there is no such machine.
+fn responses(machine: &Machine, hertz: &[f64]) -> Option<Responses> {
+    let study = Study::new(machine.clone()).ok()?;
+    let rows: Vec<_> = hertz
+        .iter()
+        .map(|hz| {
+            let gain = study.plant().response(*hz).g22();
+            DVector::from_column_slice(gain.as_slice()).transpose()
+        })
+        .collect();
+    Some(DMatrix::from_rows(&rows))
+}
+
+/// Fits the uncertain quantities of `machine` to a measurement. `progress` is called after each step.
+///
+/// # Errors
+/// [`FitError`] if the measurement says too little or is of another kind of machine.
+pub fn fit(
+    machine: &Machine,
+    measurement: &Measurement,
+    progress: &dyn Progress,
+) -> Result<Identification, FitError> {
+    let lines = &measurement.lines;
+    let measured = lines.first().map_or(0, |line| line.plant.len());
+    let study = Study::new(machine.clone()).map_err(|_| FitError::NoModel)?;
+    let model = study.plant().plant.sensors().len();
+    if measured != model {
+        return Err(FitError::Sensors { measured, model });
+    }
+    let fit = RationalFit::new(lines).ok_or_else(|| {
+        FitError::Few(
+            lines
+                .iter()
+                .filter(|line| MeasuredLine::is_clear(line))
+                .count(),
+        )
+    })?;
+    let parameters = parameters(machine);
+    let rough = fit.relative_weights(ROUGH);
+    let forces = match machine.target.feedback {
+        FeedbackKind::Acceleration | FeedbackKind::Both => LEGS,
+        FeedbackKind::Force => 0,
+    };
+    let mut x = DVector::zeros(parameters.len());
+    for added in ADDED {
+        let target = fit.damped(added, forces);
+        let problem = Problem {
+            machine,
+            parameters: &parameters,
+            hertz: &fit.hertz,
+            target: &target,
+            weights: &rough,
+            added,
+        };
+        x = problem.solve(x, progress).ok_or(FitError::NoModel)?.x;
+    }
+    let problem = Problem {
+        machine,
+        parameters: &parameters,
+        hertz: &fit.hertz,
+        target: &fit.responses,
+        weights: &fit.weights,
+        added: 0.0,
+    };
+    let point = problem.solve(x, progress).ok_or(FitError::NoModel)?;
+    let derivatives = problem.derivatives(&point).ok_or(FitError::NoModel)?;
+    // The changes themselves are among the errors, so it is regular.
+    let covariance = derivatives
+        .tr_mul(&derivatives)
+        .try_inverse()
+        .ok_or(FitError::NoModel)?;
+    let data = point.errors.len() - parameters.len();
+    let square = point.errors.rows(0, data).norm_squared() / data as f64;
+    let estimates = parameters.iter().enumerate().map(|(k, parameter)| {
+        let deviation = covariance[(k, k)].sqrt();
+        Estimate {
+            name: parameter.name.clone(),
+            scale: parameter.scale,
+            change: match parameter.scale {
+                Scale::Relative => (parameter.deviation * point.x[k]).exp_m1(),
+                _ => parameter.deviation * point.x[k],
+            },
+            interval: INTERVAL * parameter.deviation * deviation,
+            determined: deviation < UNDETERMINED,
+        }
+    });
+    let correlation =
+        |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+    let groups = groups(parameters.len(), |i, j| correlation(i, j).abs() > ALIKE);
+    let named = |group: Vec<usize>| {
+        group
+            .into_iter()
+            .map(|k| parameters[k].name.clone())
+            .collect()
+    };
+    let alike = groups.into_iter().map(named).collect();
+    let fitted = problem.machine(&point.x);
+    let [before, after] = [machine, &fitted].map(|machine| Study::new(machine.clone()));
+    let (Ok(before), Ok(after)) = (before, after) else {
+        return Err(FitError::NoModel);
+    };
+    let misfits = lines.iter().map(|line| Misfit {
+        hz: line.hz,
+        error: line.distance(&after.plant().response(line.hz).g22()),
+        before: line.distance(&before.plant().response(line.hz).g22()),
+        expected: line.noise(),
+    });
+    let modes = after.model().modes().hertz();
+    let strange = fit.resonances.iter().filter(|resonance| {
+        modes
+            .iter()
+            .all(|hz| (resonance.hz / hz - 1.0).abs() > STRANGE)
+    });
+    Ok(Identification {
+        estimates: estimates.collect(),
+        alike,
+        relative_misfit: square.sqrt(),
+        lines: misfits.collect(),
+        strange: strange.copied().collect(),
+        explained: square.sqrt() < UNEXPLAINED,
+        machine: fitted,
+        changes: parameters
+            .into_iter()
+            .zip(point.x.iter())
+            .map(|(parameter, x)| {
+                let change = parameter.deviation * x;
+                (parameter, change)
+            })
+            .collect(),
+    })
+}

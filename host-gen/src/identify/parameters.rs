@@ -1,0 +1,210 @@
+//! What of a machine is uncertain, and how much before it is measured.
+
+use nalgebra::{Rotation3, Unit, Vector3};
+use serde::Serialize;
+use shared::LEGS;
+
+use crate::machine::{FeedbackKind, Machine};
+
+/// A quantity of a machine that is not known exactly, by the indices of the machine's parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Mass of a body, its inertia in proportion.
+    Mass(usize),
+    /// A principal moment of inertia of a body, beside that.
+    Inertia(usize, usize),
+    /// A coordinate of the centre of gravity of a body.
+    Cog(usize, usize),
+    /// All stiffnesses of a beam.
+    Stiffness(usize),
+    /// All damping.
+    Damping,
+    /// Gain of a sensor: its kind, accelerometers first, and its number.
+    SensorGain(usize, usize),
+    /// Direction of an accelerometer, about the first or the second axis across it.
+    Tilt(usize, usize),
+    /// Gain of a leg.
+    ActuatorGain(usize),
+    /// Time from the sample to the new forces.
+    Delay,
+}
+
+/// Unit in which the change of a quantity is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Scale {
+    /// The natural logarithm of the factor on the file's value: about the relative change.
+    #[serde(rename = "relative")]
+    Relative,
+    /// m.
+    #[serde(rename = "m")]
+    Metres,
+    /// rad.
+    #[serde(rename = "rad")]
+    Radians,
+    /// s.
+    #[serde(rename = "s")]
+    Seconds,
+}
+
+/// An uncertain quantity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Which one.
+    pub quantity: Quantity,
+    /// Its name in reports.
+    pub name: String,
+    /// Unit of its change.
+    pub scale: Scale,
+    /// Standard deviation of its change before the measurement.
+    pub deviation: f64,
+}
+
+/// The uncertain quantities of `machine`.
+pub fn parameters(machine: &Machine) -> Vec<Parameter> {
+    let known = &machine.uncertainty;
+    let mut all = Vec::new();
+    let mut add = |quantity, name: String, scale, deviation: f64| {
+        all.push(Parameter {
+            quantity,
+            name,
+            scale,
+            deviation,
+        });
+    };
+    let relative = Scale::Relative;
+    for (i, body) in machine.bodies.iter().enumerate() {
+        let name = &body.name;
+        add(
+            Quantity::Mass(i),
+            format!("mass of {name}"),
+            relative,
+            known.mass,
+        );
+        let (moments, _) = body.principal();
+        for k in 0..3 {
+            if moments[k] > 0.0 {
+                let name = format!("inertia {} of {name}", k + 1);
+                add(Quantity::Inertia(i, k), name, relative, known.inertia);
+            }
+        }
+        for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let name = format!("centre of gravity of {name}, {axis}");
+            add(Quantity::Cog(i, k), name, Scale::Metres, known.cog);
+        }
+    }
+    for (i, beam) in machine.beams.iter().enumerate() {
+        let name = format!("stiffness of {}", beam.name);
+        add(Quantity::Stiffness(i), name, relative, known.stiffness);
+    }
+    add(
+        Quantity::Damping,
+        "damping".to_owned(),
+        relative,
+        known.damping,
+    );
+    let feedback = machine.target.feedback;
+    if feedback != FeedbackKind::Force {
+        for (i, sensor) in machine.accelerometers.iter().flatten().enumerate() {
+            let name = &sensor.name;
+            let quantity = Quantity::SensorGain(0, i);
+            add(
+                quantity,
+                format!("gain of {name}"),
+                relative,
+                known.sensor_gain,
+            );
+            for axis in 0..2 {
+                let tilt = format!("direction {} of {name}", axis + 1);
+                add(
+                    Quantity::Tilt(i, axis),
+                    tilt,
+                    Scale::Radians,
+                    known.misalignment,
+                );
+            }
+        }
+    }
+    if feedback != FeedbackKind::Acceleration {
+        for (i, &beam) in machine.force_sensors.iter().flatten().enumerate() {
+            let name = format!("gain of the force sensor in {}", machine.beams[beam].name);
+            add(
+                Quantity::SensorGain(1, i),
+                name,
+                relative,
+                known.sensor_gain,
+            );
+        }
+    }
+    for (i, &beam) in machine.actuators.iter().enumerate() {
+        let name = format!("force of {} per volt", machine.beams[beam].name);
+        add(
+            Quantity::ActuatorGain(i),
+            name,
+            relative,
+            known.actuator_gain,
+        );
+    }
+    add(
+        Quantity::Delay,
+        "delay".to_owned(),
+        Scale::Seconds,
+        known.delay,
+    );
+    all
+}
+
+/// Two axes across a direction of length 1.
+fn across(direction: &Vector3<f64>) -> [Unit<Vector3<f64>>; 2] {
+    let least = direction.iamin();
+    let first = Unit::new_normalize(direction.cross(&Vector3::ith(least, 1.0)));
+    [first, Unit::new_normalize(direction.cross(&first))]
+}
+
+/// `original` with changed quantities; gains as errors that the controller does not know.
+pub fn changed(original: &Machine, parameters: &[Parameter], changes: &[f64]) -> Machine {
+    let mut machine = original.clone();
+    // All tilts of a sensor are about axes across the file's direction.
+    let mut tilts = [Vector3::zeros(); LEGS];
+    for (parameter, &change) in parameters.iter().zip(changes) {
+        match parameter.quantity {
+            Quantity::Mass(i) => {
+                machine.bodies[i].mass *= change.exp();
+                machine.bodies[i].inertia *= change.exp();
+            }
+            Quantity::Inertia(i, k) => {
+                // They stay the axes of the changed tensor.
+                let (_, axes) = original.bodies[i].principal();
+                let axis = axes.column(k);
+                let own = (axis.transpose() * machine.bodies[i].inertia * axis)[(0, 0)];
+                machine.bodies[i].inertia += axis * axis.transpose() * (own * change.exp_m1());
+            }
+            Quantity::Cog(i, k) => machine.bodies[i].cog[k] += change,
+            Quantity::Stiffness(i) => {
+                let stiffness = &mut machine.beams[i].stiffness;
+                stiffness.axial *= change.exp();
+                stiffness.torsion *= change.exp();
+                stiffness.bending = stiffness.bending.map(|x| x * change.exp());
+            }
+            Quantity::Damping => {
+                machine.damping.modal *= change.exp();
+                machine.damping.rayleigh = machine.damping.rayleigh.map(|x| x * change.exp());
+                for beam in &mut machine.beams {
+                    beam.damper *= change.exp();
+                    beam.loss_factor *= change.exp();
+                }
+            }
+            Quantity::SensorGain(kind, i) => {
+                machine.gain_errors.sensors[kind][i] = change.exp_m1();
+            }
+            Quantity::Tilt(i, axis) => tilts[i][axis] = change,
+            Quantity::ActuatorGain(i) => machine.gain_errors.actuators[i] = change.exp_m1(),
+            Quantity::Delay => machine.board.latch_delay += change,
+        }
+    }
+    for (sensor, tilt) in machine.accelerometers.iter_mut().flatten().zip(tilts) {
+        let [first, second] = across(&sensor.direction);
+        let turn = first.into_inner() * tilt[0] + second.into_inner() * tilt[1];
+        sensor.direction = Rotation3::new(turn) * sensor.direction;
+    }
+    machine
+}
