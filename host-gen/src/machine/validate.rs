@@ -22,7 +22,7 @@ use super::file::{
 };
 use super::flexible::flexible_body;
 use super::limits::{self, Limits};
-use super::names::missing;
+use super::names::find;
 use super::sensor::{bandwidth, sensor};
 use super::source::{Source, has};
 use crate::floor::{Floor, Spectrum};
@@ -362,10 +362,7 @@ fn six<T>(entry: &str, all: Vec<T>) -> Checked<[T; LEGS]> {
 fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
     let mut carriers: Vec<Option<Carrier>> = vec![None; file.nodes.len()];
     let mut claim = |entry: &str, name: &str, carrier: Carrier| {
-        let Some(index) = file.nodes.get_index_of(name) else {
-            let known = file.nodes.keys().map(String::as_str);
-            return Err(missing(entry, "node", name, known, "add it under [nodes]"));
-        };
+        let index = node_index(entry, file.nodes.keys(), name)?;
         if carriers[index].is_some() {
             return Err(
                 EntryError::new(entry, format!("node \"{name}\" is listed twice"))
@@ -415,7 +412,7 @@ fn flexible(file: &MachineFile, nodes: &[Node], source: &Source) -> Checked<Vec<
     let bodies = bodies.map(|(name, spec)| {
         let entry = format!("flexible_bodies.{name}.nodes");
         let interface = spec.nodes.iter();
-        let interface = interface.map(|node| node_index(&entry, nodes, node));
+        let interface = interface.map(|node| node_index(&entry, names(nodes), node));
         let folder = source.folder(&format!("flexible_bodies.{name}.mass_matrix"));
         let interface = interface.collect::<Checked<Vec<_>>>()?;
         flexible_body(name, spec, folder, interface, nodes)
@@ -486,7 +483,7 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
             let entry = format!("beams.{name}");
             let mut ends = [0; 2];
             for (end, node) in ends.iter_mut().zip(&spec.nodes) {
-                *end = node_index(&format!("{entry}.nodes"), nodes, node)?;
+                *end = node_index(&format!("{entry}.nodes"), names(nodes), node)?;
             }
             let along = nodes[ends[1]].at - nodes[ends[0]].at;
             let length = along.norm();
@@ -505,13 +502,10 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
             }
             let (source, profile) = match (&spec.profile, &spec.stiffness) {
                 (Some(profile), None) => {
-                    let entry_of_use = format!("{entry}.profile");
-                    let set = file.profiles.get(profile).ok_or_else(|| {
-                        let known = file.profiles.keys().map(String::as_str);
-                        let fix = "add it under [profiles]";
-                        missing(entry_of_use, "profile", profile, known, fix)
-                    })?;
-                    (format!("profiles.{profile}"), set)
+                    let known = file.profiles.keys().map(String::as_str);
+                    let fix = "add it under [profiles]";
+                    let set = find(format!("{entry}.profile"), "profile", profile, known, fix)?;
+                    (format!("profiles.{profile}"), &file.profiles[set])
                 }
                 (None, Some(own)) => (format!("{entry}.stiffness"), own),
                 _ => {
@@ -938,12 +932,9 @@ fn robustness(
         Some(payload) => payload
             .iter()
             .map(|name| {
-                let found = bodies.iter().position(|body| body.name == *name);
-                found.ok_or_else(|| {
-                    let known = bodies.iter().map(|body| body.name.as_str());
-                    let fix = "use names under [bodies]";
-                    missing("robustness.payload", "body", name, known, fix)
-                })
+                let known = bodies.iter().map(|body| body.name.as_str());
+                let fix = "use names under [bodies]";
+                find("robustness.payload", "body", name, known, fix)
             })
             .collect::<Checked<Vec<_>>>()?,
         None => {
@@ -972,14 +963,17 @@ fn robustness(
     })
 }
 
-fn node_index(entry: &str, nodes: &[Node], name: &str) -> Checked<usize> {
-    nodes
-        .iter()
-        .position(|node| node.name == name)
-        .ok_or_else(|| {
-            let known = nodes.iter().map(|node| node.name.as_str());
-            missing(entry, "node", name, known, "add it under [nodes]")
-        })
+fn names(nodes: &[Node]) -> impl Iterator<Item = &String> + Clone {
+    nodes.iter().map(|node| &node.name)
+}
+
+fn node_index<'a>(
+    entry: &str,
+    nodes: impl Iterator<Item = &'a String> + Clone,
+    name: &str,
+) -> Checked<usize> {
+    let known = nodes.map(String::as_str);
+    find(entry, "node", name, known, "add it under [nodes]")
 }
 
 /// What the rest of the file refers to.
@@ -990,13 +984,8 @@ struct Names {
 
 impl Names {
     fn beam(&self, entry: &str, name: &str) -> Checked<usize> {
-        self.beams
-            .iter()
-            .position(|beam| beam.name == name)
-            .ok_or_else(|| {
-                let known = self.beams.iter().map(|beam| beam.name.as_str());
-                missing(entry, "beam", name, known, "add it under [beams]")
-            })
+        let known = self.beams.iter().map(|beam| beam.name.as_str());
+        find(entry, "beam", name, known, "add it under [beams]")
     }
 
     fn deformations(&self, entry: &str, names: &[String]) -> Checked<Vec<Deformation>> {
@@ -1056,7 +1045,7 @@ impl Names {
                 }
                 Ok(Direction {
                     name: name.clone(),
-                    node: node_index(&format!("{entry}.node"), &self.nodes, &spec.node)?,
+                    node: node_index(&format!("{entry}.node"), names(&self.nodes), &spec.node)?,
                     direction: direction / norm,
                 })
             })

@@ -1,26 +1,9 @@
 //! Deformations, stiffness and mass of a beam between two points.
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, RowVector3, Vector3};
+use nalgebra::{DMatrix, RowVector3};
 
 use super::layout::{Follow, Point};
 use crate::machine::Beam;
-
-/// −[v]×, 3×3: a rotation φ moves a point at v by φ × v = −[v]×·φ.
-fn lever(v: &Vector3<f64>) -> Matrix3<f64> {
-    -v.cross_matrix()
-}
-
-/// The motion of a point of a rigid body from the motion of its reference point, 6×6.
-///
-/// A motion is a translation, m, and a rotation, rad. `at` and `reference` are the positions of
-/// the two points, m.
-pub(crate) fn transport(at: &Vector3<f64>, reference: &Vector3<f64>) -> Matrix6<f64> {
-    let mut matrix = Matrix6::identity();
-    matrix
-        .fixed_view_mut::<3, 3>(0, 3)
-        .copy_from(&lever(&(at - reference)));
-    matrix
-}
 
 /// SPACAR's six deformations, m, to first order from the motions of the ends p and q, 6×12.
 ///

@@ -41,9 +41,10 @@ pub struct Energies {
     /// Modal mass, kg: the mass with the mode's kinetic energy if it moves as the point with the
     /// largest motion does.
     ///
-    /// The points are the nodes, those along beams with mass, and there, for the rotation about the
-    /// beam's axis, one at its radius of gyration from it; the centres of gravity, and, for the rotation of each body, a
-    /// point at its radius of gyration from the axis.
+    /// The points are the nodes, the nodes between the segments of beams, and the centres of
+    /// gravity. For rotation there are two more kinds: at each node of a beam with mass, a point at
+    /// the beam's radius of gyration from its axis, and for each body, a point at its radius of
+    /// gyration from the axis of rotation.
     pub modal_mass: f64,
     /// Share of each beam in the elastic strain energy, in the order of the machine's beams;
     /// then that of each flexible body.

@@ -4,8 +4,8 @@
 //! there. A load changes the stiffness in two ways. Forces and moments in a beam act through its
 //! deformations to second order: an axial force N, tension positive, adds 6N/(5L) against lateral
 //! motion if both ends are clamped, and bending moments couple twist and lateral bending. And a
-//! body that rotates moves the points at which forces act on it; a flexible body does so with its mean rotation, and its
-//! inner loads do not stiffen it.
+//! body that rotates moves the points at which forces act on it. A flexible body does so with its
+//! mean rotation, and its inner loads do not stiffen it.
 //!
 //! The inner points of a beam without mass are in equilibrium at any time. A loaded beam is divided
 //! into parts and reduced to its two ends, which gives the stiffness near buckling, too. So is each
@@ -105,12 +105,7 @@ impl Statics {
         for (i, (body, turned)) in machine.flexible.iter().zip(turned).enumerate() {
             let rotation = mean_rotation(machine, body);
             let of_body = rotation.transpose() * turned * rotation;
-            let own = layout.flexible(machine, i);
-            for (&i, row) in own.iter().zip(of_body.row_iter()) {
-                for (&j, x) in own.iter().zip(row.iter()) {
-                    geometric[(i, j)] += x;
-                }
-            }
+            layout.add_of_flexible(machine, i, &of_body, &mut geometric);
         }
         Self {
             axial,

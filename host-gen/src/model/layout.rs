@@ -10,9 +10,9 @@ use core::ops::Range;
 
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
-use super::beam::transport;
 use super::independence::reach;
 use crate::machine::{Beam, Carrier, Machine};
+use crate::numeric::motion::transport;
 
 /// The motion of a point, that is, its translation, m, and its rotation, rad, relative to the
 /// base, from the six coordinates that it depends on.
@@ -201,6 +201,22 @@ impl Layout {
         let nodes = nodes.filter_map(|&node| self.nodes[node].follow);
         let nodes = nodes.flat_map(|follow| follow.first..follow.first + 6);
         nodes.chain(self.modal[body].clone()).collect()
+    }
+
+    /// Adds a matrix of a flexible body, in the order of the body's own matrices, to `whole`, N×N.
+    pub(crate) fn add_of_flexible(
+        &self,
+        machine: &Machine,
+        body: usize,
+        of_body: &DMatrix<f64>,
+        whole: &mut DMatrix<f64>,
+    ) {
+        let own = self.flexible(machine, body);
+        for (&j, column) in own.iter().zip(of_body.column_iter()) {
+            for (&i, x) in own.iter().zip(column.iter()) {
+                whole[(i, j)] += x;
+            }
+        }
     }
 
     /// A node, by its index in the machine.

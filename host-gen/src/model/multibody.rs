@@ -1,12 +1,14 @@
 //! The linear multibody model: rigid bodies and Euler–Bernoulli beams on a moving base.
 //!
-//! The coordinates x are, for each body, the translation of its centre of gravity, m, and its
-//! rotation, rad, both relative to a frame that moves with the base. After them come the
-//! translation, m, and the rotation, rad, of each node that no body carries, in the order of the
-//! file, and of the nodes between the elements of beams with mass, beam by beam, from P to Q;
-//! last the modal coordinates of flexible bodies: N coordinates in all, 6n if there are n bodies and nothing else.
-//! The base motion b is the translation of its point at C, m, and its rotation, rad;
-//! C is the mean position of the nodes.
+//! The N coordinates x are relative to a frame that moves with the base. In this order:
+//!
+//! - for each rigid body, the translation of its centre of gravity, m, and its rotation, rad;
+//! - the same for each node that no rigid body carries, in the order of the file, and for the nodes
+//!   between the elements of beams with mass, beam by beam, from P to Q;
+//! - the modal coordinates of flexible bodies.
+//!
+//! The base motion b is the translation of its point at C, m, and its rotation, rad. C is the mean
+//! position of the nodes.
 //! The absolute motion of the machine is x + Φ·b, and deformations depend on x alone. So Eq. (1)
 //! becomes
 //!
@@ -32,9 +34,7 @@ use nalgebra::{
     RowVector6, U6, Vector3,
 };
 
-use super::beam::{
-    beam_mass, deformation_stiffness, deformations, motions, stiffness_factor, transport,
-};
+use super::beam::{beam_mass, deformation_stiffness, deformations, motions, stiffness_factor};
 use super::flexible::flexible_factor;
 use super::gravity::Statics;
 use super::independence::{INDEPENDENT, centre, dependent, follows_from, reach};
@@ -42,6 +42,7 @@ use super::inertia::Inertia;
 use super::layout::{Layout, Owner, Point};
 use crate::machine::{Carrier, Damping, Deformation, Direction, EntryError, Machine, MachineError};
 use crate::numeric::eigen::factored_eigen;
+use crate::numeric::motion::transport;
 use crate::numeric::six::to_dynamic;
 
 /// The linear model of a machine with N coordinates, Eq. (1).
@@ -182,7 +183,11 @@ impl Multibody {
             .iter()
             .map(|beam| beam.segments)
             .sum::<usize>();
-        let mut factor = DMatrix::zeros(6 * elements, size);
+        let elastic = machine.flexible.iter();
+        let elastic = elastic
+            .map(|body| body.stiffness.nrows() - 6)
+            .sum::<usize>();
+        let mut factor = DMatrix::zeros(6 * elements + elastic, size);
         let mut rows = Vec::new();
         let beams = 0..machine.beams.len();
         let whole = beams.map(|i| deformations(&machine.beams[i], &layout.ends(machine, i), size));
@@ -220,23 +225,19 @@ impl Multibody {
             dampers += beam.damper * whole.row(0).transpose() * whole.row(0);
         }
         for (i, body) in machine.flexible.iter().enumerate() {
-            let own = layout.flexible(machine, i);
-            for (&i, rows) in own.iter().zip(body.mass.row_iter()) {
-                spread[i] = true;
-                for (&j, x) in own.iter().zip(rows.iter()) {
-                    mass[(i, j)] += x;
-                }
-            }
+            layout.add_of_flexible(machine, i, &body.mass, &mut mass);
             let of_body = flexible_factor(body);
-            let first = factor.nrows();
-            factor = factor.resize_vertically(first + of_body.nrows(), 0.0);
+            let first = next;
+            next += of_body.nrows();
+            let own = layout.flexible(machine, i);
             for (&i, column) in own.iter().zip(of_body.column_iter()) {
+                spread[i] = true;
                 factor
                     .view_mut((first, i), (column.len(), 1))
                     .copy_from(&column);
             }
-            rows.push(first..factor.nrows());
-            let own_factor = factor.rows_range(first..).into_owned();
+            rows.push(first..next);
+            let own_factor = factor.rows_range(first..next).into_owned();
             let elastic = own_factor.transpose() * own_factor;
             losses += body.loss_factor * &elastic;
             stiffness += elastic;
