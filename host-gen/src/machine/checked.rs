@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::LEGS;
@@ -32,6 +32,10 @@ pub struct Machine {
     pub flexible: Vec<FlexibleBody>,
     /// Beams, in the order of the file.
     pub beams: Vec<Beam>,
+    /// Springs of no length, in the order of the file.
+    pub springs: Vec<Spring>,
+    /// Point masses, in the order of the file.
+    pub point_masses: Vec<PointMass>,
     /// Degrees of freedom q_d, Eq. (7): six per body.
     pub coordinates: Vec<Deformation>,
     /// Actuated beams, by index, in channel order.
@@ -242,6 +246,37 @@ pub struct Stiffness {
     pub bending: [f64; 2],
     /// Torsional stiffness GJ/L, N m.
     pub torsion: f64,
+}
+
+/// A spring of no length between two nodes, with its dampers.
+///
+/// It acts at one point, which each of the nodes moves as a rigid arm would. Its six stiffnesses
+/// and dampers are along and about the local x, y and z axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spring {
+    /// Name of the spring.
+    pub name: String,
+    /// Nodes p and q, by index.
+    pub ends: [usize; 2],
+    /// Where it acts, midway between the nodes, m.
+    pub at: Vector3<f64>,
+    /// Local axes x, y and z as rows, unit vectors.
+    pub axes: Matrix3<f64>,
+    /// Stiffnesses, N/m and N m, of either sign.
+    pub stiffness: Vector6<f64>,
+    /// Viscous dampers, N s/m and N m s.
+    pub damper: Vector6<f64>,
+    /// Loss factor of the positive stiffnesses (no unit).
+    pub loss_factor: f64,
+}
+
+/// A mass at a node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointMass {
+    /// The node that it moves with, by index.
+    pub node: usize,
+    /// Its name, mass and inertia; the centre of gravity is the position of the node.
+    pub body: Body,
 }
 
 /// Damping that does not belong to single beams.
@@ -489,6 +524,8 @@ impl Machine {
             bodies,
             flexible,
             beams,
+            springs,
+            point_masses,
             coordinates,
             actuators,
             accelerometers,
@@ -526,7 +563,7 @@ impl Machine {
         };
         // Debug prints numbers in the shortest form that reads back to the same bits.
         format!(
-            "{nodes:?} {bodies:?} {flexible:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {gain_errors:?} {shaken:?}"
+            "{nodes:?} {bodies:?} {flexible:?} {beams:?} {springs:?} {point_masses:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {gain_errors:?} {shaken:?}"
         )
     }
 
@@ -566,6 +603,9 @@ impl Machine {
         machine.damping.rayleigh = machine.damping.rayleigh.map(|x| x * more);
         for beam in &mut machine.beams {
             beam.damper *= more;
+        }
+        for spring in &mut machine.springs {
+            spring.damper *= more;
         }
         for sensor in machine.accelerometers.iter_mut().flatten() {
             // About an axis across it, evenly drawn around.

@@ -3,7 +3,7 @@
 use core::fmt::Display;
 
 use indexmap::IndexMap;
-use nalgebra::{Matrix3, RowVector3, Vector3};
+use nalgebra::{Matrix3, RowVector3, Vector3, Vector6};
 use sha2::{Digest, Sha256};
 use shared::LEGS;
 use shared::codes::{Adc, Dac};
@@ -12,7 +12,8 @@ use shared::table::{ModelDigest, SECTIONS};
 use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
     Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, FlexibleBody,
-    GainErrors, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
+    GainErrors, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring, Stiffness,
+    Target,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
@@ -91,8 +92,10 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     let bodies = bodies(&file)?;
     let flexible = flexible(&file, &nodes, source)?;
     let beams = beams(&file, &nodes)?;
-    check_nodes(&nodes, &beams)?;
-    let damping = damping(&file.damping, &beams, &flexible)?;
+    let springs = springs(&file, &nodes)?;
+    let point_masses = point_masses(&file, &nodes)?;
+    check_nodes(&nodes, &beams, &springs)?;
+    let damping = damping(&file.damping, &beams, &springs, &flexible)?;
     let names = Names { nodes, beams };
 
     let coordinates =
@@ -238,6 +241,8 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         digest: digest(&file, &flexible),
         flexible,
         beams: names.beams,
+        springs,
+        point_masses,
         coordinates,
         actuators,
         accelerometers,
@@ -396,7 +401,7 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
             let entry = format!("nodes.{name}");
             let carrier = carrier.ok_or_else(|| {
                 EntryError::new(&entry, "the node is not attached to anything")
-                    .fix("list it in the nodes of a body or of the base, or in free.nodes if only beams hold it")
+                    .fix("list it in the nodes of a body or of the base, or in free.nodes if only beams or springs hold it")
             })?;
             Ok(Node {
                 name: name.clone(),
@@ -428,52 +433,162 @@ fn bodies(file: &MachineFile) -> Checked<Vec<Body>> {
         .iter()
         .map(|(name, spec)| {
             let entry = format!("bodies.{name}");
-            let inertia_entry = format!("{entry}.inertia");
-            let inertia = match spec.inertia {
-                Inertia::Diagonal(moments) => Matrix3::from_diagonal(&Vector3::from(moments)),
-                Inertia::Tensor(rows) => {
-                    Matrix3::from_rows(&rows.map(|row| RowVector3::from_row_slice(&row)))
-                }
-            };
-            if inertia.iter().any(|x| !x.is_finite()) {
-                return Err(EntryError::new(inertia_entry, "must be finite numbers, in kg m²"));
-            }
-            let largest = inertia.amax();
-            if (inertia - inertia.transpose()).amax() > 1e-9 * largest {
-                return Err(EntryError::new(inertia_entry, "the inertia tensor must be symmetric"));
-            }
-            // What a rotation of axes leaves in the last digits.
-            let inertia = 0.5 * (inertia + inertia.transpose());
-            let mut moments = inertia.symmetric_eigenvalues();
-            moments.as_mut_slice().sort_by(f64::total_cmp);
-            let [small, middle, large] = moments.into();
-            // A plate of 0.833, 0.833 and 1.67 kg m² was typed with three digits.
-            let rounding = 5e-3 * large.abs();
-            if small < -1e-9 * largest {
-                return Err(EntryError::new(
-                    inertia_entry,
-                    format!(
-                        "the principal moments of inertia must not be below 0 kg m²; the smallest is {small:.3e}"
-                    ),
-                ));
-            }
-            if large > small + middle + rounding {
-                return Err(EntryError::new(
-                    inertia_entry,
-                    format!(
-                        "no body has principal moments of inertia of {small:.4e}, {middle:.4e} and {large:.4e} kg m²: the largest must not exceed the sum of the others"
-                    ),
-                )
-                .fix("check units and decimal points; off-diagonals have the tensor's sign, Ixy = −∫xy dm"));
-            }
             Ok(Body {
                 name: name.clone(),
                 mass: positive(&format!("{entry}.mass"), spec.mass, "kg")?,
-                inertia,
+                inertia: inertia(&format!("{entry}.inertia"), &spec.inertia)?,
                 cog: finite3(&format!("{entry}.cog"), &spec.cog, ", in m")?,
             })
         })
         .collect()
+}
+
+/// The tensor of an inertia that some body can have, kg m².
+fn inertia(entry: &str, spec: &Inertia) -> Checked<Matrix3<f64>> {
+    let inertia = match spec {
+        Inertia::Diagonal(moments) => Matrix3::from_diagonal(&Vector3::from(*moments)),
+        Inertia::Tensor(rows) => {
+            Matrix3::from_rows(&rows.map(|row| RowVector3::from_row_slice(&row)))
+        }
+    };
+    if inertia.iter().any(|x| !x.is_finite()) {
+        return Err(EntryError::new(entry, "must be finite numbers, in kg m²"));
+    }
+    let largest = inertia.amax();
+    if (inertia - inertia.transpose()).amax() > 1e-9 * largest {
+        return Err(EntryError::new(
+            entry,
+            "the inertia tensor must be symmetric",
+        ));
+    }
+    // What a rotation of axes leaves in the last digits.
+    let inertia = 0.5 * (inertia + inertia.transpose());
+    let mut moments = inertia.symmetric_eigenvalues();
+    moments.as_mut_slice().sort_by(f64::total_cmp);
+    let [small, middle, large] = moments.into();
+    // A plate of 0.833, 0.833 and 1.67 kg m² was typed with three digits.
+    let rounding = 5e-3 * large.abs();
+    if small < -1e-9 * largest {
+        return Err(EntryError::new(
+            entry,
+            format!(
+                "the principal moments of inertia must not be below 0 kg m²; the smallest is {small:.3e}"
+            ),
+        ));
+    }
+    if large > small + middle + rounding {
+        return Err(EntryError::new(
+            entry,
+            format!(
+                "no body has principal moments of inertia of {small:.4e}, {middle:.4e} and {large:.4e} kg m²: the largest must not exceed the sum of the others"
+            ),
+        )
+        .fix("check units and decimal points; off-diagonals have the tensor's sign, Ixy = −∫xy dm"));
+    }
+    Ok(inertia)
+}
+
+fn springs(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Spring>> {
+    let springs = file.springs.iter().map(|(name, spec)| {
+        let entry = format!("springs.{name}");
+        let key = |key: &str| format!("{entry}.{key}");
+        let mut ends = [0; 2];
+        for (end, node) in ends.iter_mut().zip(&spec.nodes) {
+            *end = node_index(&key("nodes"), names(nodes), node)?;
+        }
+        let [p, q] = ends;
+        if p == q {
+            return Err(EntryError::new(
+                key("nodes"),
+                "a spring joins two nodes, and these are the same",
+            )
+            .fix("give the second part a node of its own, which may be at the same position"));
+        }
+        let six = |[translation, rotation]: [&Option<[f64; 3]>; 2]| {
+            let halves = [translation, rotation].map(|half| half.unwrap_or_default());
+            Vector6::from_column_slice(halves.as_flattened())
+        };
+        let stiffness = six([&spec.stiffness, &spec.rotational_stiffness]);
+        let damper = six([&spec.damper, &spec.rotational_damper]);
+        let keys = ["stiffness", "rotational_stiffness"];
+        for (name, unit, half) in [
+            (keys[0], "N/m", stiffness.fixed_rows::<3>(0)),
+            (keys[1], "N m", stiffness.fixed_rows::<3>(3)),
+        ] {
+            finite3(
+                &key(name),
+                &half.into_owned().into(),
+                &format!(", in {unit}"),
+            )?;
+        }
+        for (name, unit, half) in [
+            ("damper", "N s/m", damper.fixed_rows::<3>(0)),
+            ("rotational_damper", "N m s", damper.fixed_rows::<3>(3)),
+        ] {
+            for x in half.iter() {
+                not_negative(&key(name), *x, unit)?;
+            }
+        }
+        if stiffness.amax() == 0.0 && damper.amax() == 0.0 {
+            return Err(EntryError::new(
+                entry,
+                "a spring without stiffness and damper does nothing",
+            )
+            .fix("give stiffness, rotational_stiffness, damper or rotational_damper"));
+        }
+        let along = finite3(&key("x_axis"), &spec.x_axis.unwrap_or([1.0, 0.0, 0.0]), "")?;
+        if along == Vector3::zeros() {
+            return Err(EntryError::new(
+                key("x_axis"),
+                "a direction must differ from [0, 0, 0]",
+            ));
+        }
+        Ok(Spring {
+            name: name.clone(),
+            ends,
+            at: nodes[p].at.lerp(&nodes[q].at, 0.5),
+            axes: axes(
+                &entry,
+                "the local x axis",
+                along.normalize(),
+                spec.y_axis.as_ref(),
+            )?,
+            stiffness,
+            damper,
+            loss_factor: not_negative(&key("loss_factor"), spec.loss_factor.unwrap_or(0.0), "")?,
+        })
+    });
+    springs.collect()
+}
+
+fn point_masses(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<PointMass>> {
+    let masses = file.point_masses.iter().map(|(name, spec)| {
+        let entry = format!("point_masses.{name}");
+        let node_entry = format!("{entry}.node");
+        let node = node_index(&node_entry, names(nodes), &spec.node)?;
+        if nodes[node].carrier == Carrier::Base {
+            return Err(EntryError::new(
+                node_entry,
+                format!(
+                    "node \"{}\" moves with the base, whose motion is given: a mass there changes nothing",
+                    spec.node
+                ),
+            )
+            .fix("use a node of a body or a free one"));
+        }
+        let no_inertia = Inertia::Diagonal([0.0; 3]);
+        let spec_inertia = spec.inertia.as_ref().unwrap_or(&no_inertia);
+        Ok(PointMass {
+            node,
+            body: Body {
+                name: name.clone(),
+                mass: positive(&format!("{entry}.mass"), spec.mass, "kg")?,
+                inertia: inertia(&format!("{entry}.inertia"), spec_inertia)?,
+                cog: nodes[node].at,
+            },
+        })
+    });
+    masses.collect()
 }
 
 fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
@@ -527,7 +642,7 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                 segments,
                 loss_factor: not_negative(&format!("{source}.loss_factor"), profile.loss_factor.unwrap_or(0.0), "")?,
                 damper: not_negative(&format!("{source}.damper"), profile.damper.unwrap_or(0.0), "N s/m")?,
-                axes: axes(&entry, along / length, spec.y_axis.as_ref())?,
+                axes: axes(&entry, "the beam", along / length, spec.y_axis.as_ref())?,
                 length,
             })
         })
@@ -597,17 +712,23 @@ fn stiffness(entry: &str, p: &ProfileEntry, length: f64) -> Checked<Stiffness> {
     Ok(stiffness)
 }
 
-/// Local axes of a beam along `x`, as rows. If `given` does not say where y is, z is as near
-/// to the file's z as possible, and y of an upright beam is the file's y.
-fn axes(entry: &str, x: Vector3<f64>, given: Option<&[f64; 3]>) -> Checked<Matrix3<f64>> {
+/// Local axes with x along `what`, as rows. If `given` does not say where y is, z is as near
+/// to the file's z as possible, and where x is upright, y is the file's y.
+fn axes(
+    entry: &str,
+    what: &str,
+    x: Vector3<f64>,
+    given: Option<&[f64; 3]>,
+) -> Checked<Matrix3<f64>> {
     let y = match given {
         Some(given) => {
             let entry = format!("{entry}.y_axis");
             let given = finite3(&entry, given, "")?;
             let across = given - x * x.dot(&given);
             if across.norm() <= 1e-6 * given.norm() {
-                return Err(EntryError::new(entry, "y_axis is parallel to the beam")
-                    .fix("give a direction across the beam"));
+                let message = format!("y_axis is parallel to {what}");
+                let fix = format!("give a direction across {what}");
+                return Err(EntryError::new(entry, message).fix(fix));
             }
             across.normalize()
         }
@@ -624,8 +745,16 @@ fn axes(entry: &str, x: Vector3<f64>, given: Option<&[f64; 3]>) -> Checked<Matri
 }
 
 /// A damping ratio of 0.005 for every mode, unless the file gives any other damping.
-fn damping(spec: &DampingEntry, beams: &[Beam], flexible: &[FlexibleBody]) -> Checked<Damping> {
+fn damping(
+    spec: &DampingEntry,
+    beams: &[Beam],
+    springs: &[Spring],
+    flexible: &[FlexibleBody],
+) -> Checked<Damping> {
     let elsewhere = spec.rayleigh.is_some()
+        || springs
+            .iter()
+            .any(|spring| spring.loss_factor != 0.0 || spring.damper.amax() != 0.0)
         || beams
             .iter()
             .any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0)

@@ -1,4 +1,4 @@
-//! Gravity: static loads of the beams and the resulting geometric stiffness.
+//! Gravity: static loads of beams and springs, and the resulting geometric stiffness.
 //!
 //! The nodes of the machine file are the equilibrium under gravity: the loads balance the weight
 //! there. A load changes the stiffness in two ways. Forces and moments in a beam act through its
@@ -18,7 +18,8 @@ use super::beam::{
     beam_deformations, beam_mass, deformation_stiffness, deformations, motions, own_axes,
 };
 use super::flexible::mean_rotation;
-use super::layout::{Follow, Layout, Owner};
+use super::layout::{Follow, Layout, Owner, Point};
+use super::spring;
 use crate::machine::{Beam, Carrier, Machine};
 
 /// Static loads under gravity and their geometric stiffness.
@@ -61,6 +62,28 @@ impl Statics {
         let mut axial = Vec::new();
         let mut buckled = Vec::new();
         let mut turned = vec![Matrix3::zeros(); machine.flexible.len()];
+        // The force `push` on what moves the `point`, at a place that turns with it.
+        let mut turn = |geometric: &mut DMatrix<f64>,
+                        point: &Point,
+                        at: &Vector3<f64>,
+                        push: &Vector3<f64>| {
+            let Some(Follow { first, .. }) = point.follow else {
+                return;
+            };
+            let centre = match layout.owner(first) {
+                Owner::Body(body) => machine.bodies[body].cog,
+                Owner::Node(node) => match machine.nodes[node].carrier {
+                    Carrier::Flexible(body) => {
+                        turned[body] += turned_arm(push, &(at - machine.flexible[body].cog));
+                        return;
+                    }
+                    Carrier::Base | Carrier::Body(_) | Carrier::Free => point.at,
+                },
+                Owner::Inner(..) => point.at,
+            };
+            let mut block = geometric.fixed_view_mut::<3, 3>(first + 3, first + 3);
+            block += turned_arm(push, &(at - centre));
+        };
         for (i, beam) in machine.beams.iter().enumerate() {
             let whole = deformations(beam, &layout.ends(machine, i), size) * sag;
             axial.push((deformation_stiffness(beam) * whole)[0]);
@@ -85,22 +108,25 @@ impl Statics {
                 }
                 for (end, point) in ends.iter().enumerate() {
                     let push: Vector3<f64> = push.fixed_rows::<3>(6 * end).into_owned();
-                    // Where the point is on a body turns with that body.
-                    if let Some(Follow { first, .. }) = point.follow
-                        && let Owner::Body(body) = layout.owner(first)
-                    {
-                        let arm = point.at - machine.bodies[body].cog;
-                        let mut block = geometric.fixed_view_mut::<3, 3>(first + 3, first + 3);
-                        block += turned_arm(&push, &arm);
-                    } else if let Some(Follow { first, .. }) = point.follow
-                        && let Owner::Node(node) = layout.owner(first)
-                        && let Carrier::Flexible(body) = machine.nodes[node].carrier
-                    {
-                        turned[body] += turned_arm(&push, &(point.at - machine.flexible[body].cog));
-                    }
+                    turn(&mut geometric, point, &point.at, &push);
                 }
             }
             buckled.push(!holds);
+        }
+        for spring in &machine.springs {
+            let ends = spring.ends.map(|end| *layout.node(end));
+            let relative = spring::relative(spring, &ends, size);
+            let load = spring::load(spring, &relative, sag);
+            geometric += spring::geometric(spring, &ends, &load, size);
+            let push: Vector3<f64> = load.fixed_rows::<3>(0).into_owned();
+            for (point, push) in ends.iter().zip([push, -push]) {
+                turn(&mut geometric, point, &spring.at, &push);
+            }
+        }
+        for point in &machine.point_masses {
+            let weight = point.body.mass * machine.gravity;
+            let node = layout.node(point.node);
+            turn(&mut geometric, node, &node.at, &weight);
         }
         for (i, (body, turned)) in machine.flexible.iter().zip(turned).enumerate() {
             let rotation = mean_rotation(machine, body);

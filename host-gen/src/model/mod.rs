@@ -10,4 +10,5 @@ pub mod independence;
 mod inertia;
 pub(crate) mod layout;
 pub mod multibody;
+mod spring;
 pub mod template;

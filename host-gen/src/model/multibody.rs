@@ -39,8 +39,12 @@ use super::flexible::flexible_factor;
 use super::gravity::Statics;
 use super::independence::{INDEPENDENT, centre, dependent, follows_from, reach};
 use super::inertia::Inertia;
-use super::layout::{Layout, Owner, Point};
-use crate::machine::{Carrier, Damping, Deformation, Direction, EntryError, Machine, MachineError};
+use super::layout::{Follow, Layout, Owner, Point};
+use super::spring;
+use crate::machine::{
+    Beam, Carrier, Damping, Deformation, Direction, EntryError, FlexibleBody, Machine,
+    MachineError, Spring,
+};
 use crate::numeric::eigen::factored_eigen;
 use crate::numeric::motion::transport;
 use crate::numeric::six::to_dynamic;
@@ -50,13 +54,14 @@ use crate::numeric::six::to_dynamic;
 pub struct Multibody {
     /// M of Eq. (1), N×N, kg, kg m and kg m².
     pub mass: DMatrix<f64>,
-    /// K of Eq. (1), N×N, N/m, N and N m: elastic, plus the geometric stiffness under gravity.
+    /// K of Eq. (1), N×N, N/m, N and N m: elastic, with that of springs of negative stiffness, plus
+    /// the geometric stiffness under gravity.
     pub stiffness: DMatrix<f64>,
     /// Static loads under gravity and their geometric stiffness; empty without gravity.
     pub statics: Statics,
-    /// Dampers along beams, N×N, N s/m, N s and N m s.
+    /// Dampers along beams and in springs, N×N, N s/m, N s and N m s.
     dampers: DMatrix<f64>,
-    /// Σ η·K over the beams with loss factor η, N×N.
+    /// Σ η·K over the beams, flexible bodies and springs with loss factor η, N×N.
     losses: DMatrix<f64>,
     damping: Damping,
     /// Φ, N×6: motion of the machine from the motion of the base if nothing deforms. The base
@@ -76,10 +81,12 @@ pub struct Multibody {
     /// C, m: the reference point of rigid motions.
     centre: Vector3<f64>,
     layout: Layout,
-    /// B, with BᵀB the elastic stiffness, √(N/m): six rows for each element of each beam, then
-    /// those of each flexible body.
+    /// B, with BᵀB the positive elastic stiffness, √(N/m): six rows for each element of each beam,
+    /// then those of each flexible body, then six for each spring.
     factor: DMatrix<f64>,
-    /// The rows of B of each beam, then of each flexible body.
+    /// G, with −GᵀG the negative elastic stiffness, √(N/m): six rows for each spring.
+    negative: DMatrix<f64>,
+    /// The rows of B of each beam, then of each flexible body, then of each spring.
     rows: Vec<Range<usize>>,
     inertia: Inertia,
     /// ω² and V, as in [`Modes`].
@@ -108,7 +115,8 @@ pub struct EquationOfMotion {
 /// without a motion of their own.
 #[derive(Clone, Debug)]
 pub struct Modes {
-    /// ω², rad²/s², one for each mode, ascending; negative for a mode that gravity makes unstable.
+    /// ω², rad²/s², one for each mode, ascending; negative for a mode that gravity or a
+    /// negative stiffness makes unstable.
     pub squares: DVector<f64>,
     /// V, N rows: mode shapes as columns, with VᵀMV = 1.
     pub shapes: DMatrix<f64>,
@@ -117,8 +125,7 @@ pub struct Modes {
 }
 
 impl Modes {
-    /// Natural frequencies, Hz, ascending. For a mode that gravity makes unstable, minus its rate
-    /// of growth over 2π.
+    /// Natural frequencies, Hz, ascending. For an unstable mode, minus its rate of growth over 2π.
     pub fn hertz(&self) -> Vec<f64> {
         self.squares
             .iter()
@@ -136,6 +143,36 @@ struct Inert {
     fix: &'static str,
 }
 
+/// What is elastic, in the order of the rows of B.
+pub(crate) enum Part<'a> {
+    Beam(&'a Beam),
+    Flexible(&'a FlexibleBody),
+    Spring(&'a Spring),
+}
+
+impl<'a> Part<'a> {
+    /// All parts of a machine.
+    pub(crate) fn all(machine: &'a Machine) -> impl Iterator<Item = Self> {
+        let flexible = machine.flexible.iter().map(Self::Flexible);
+        let springs = machine.springs.iter().map(Self::Spring);
+        machine
+            .beams
+            .iter()
+            .map(Self::Beam)
+            .chain(flexible)
+            .chain(springs)
+    }
+
+    /// The name in the machine file.
+    pub(crate) fn name(&self) -> &'a str {
+        match self {
+            Self::Beam(beam) => &beam.name,
+            Self::Flexible(body) => &body.name,
+            Self::Spring(spring) => &spring.name,
+        }
+    }
+}
+
 /// Modes whose ω² differ by this factor are the farthest apart that double precision resolves.
 const FARTHEST: f64 = 1e18;
 
@@ -145,7 +182,7 @@ impl Multibody {
     ///
     /// # Errors
     /// If the deformations in q_d depend on each other, the floor inputs do not determine the
-    /// motion of a rigid base, or a body can move and neither a beam nor its weight holds it.
+    /// motion of a rigid base, or a body can move and no beam, no spring and no weight holds it.
     pub fn new(machine: &Machine) -> Result<Self, MachineError> {
         let layout = Layout::new(machine);
         let size = layout.size();
@@ -187,7 +224,9 @@ impl Multibody {
         let elastic = elastic
             .map(|body| body.stiffness.nrows() - 6)
             .sum::<usize>();
-        let mut factor = DMatrix::zeros(6 * elements + elastic, size);
+        let springs = machine.springs.len();
+        let mut factor = DMatrix::zeros(6 * elements + elastic + 6 * springs, size);
+        let mut negative = DMatrix::zeros(6 * springs, size);
         let mut rows = Vec::new();
         let beams = 0..machine.beams.len();
         let whole = beams.map(|i| deformations(&machine.beams[i], &layout.ends(machine, i), size));
@@ -242,6 +281,26 @@ impl Multibody {
             losses += body.loss_factor * &elastic;
             stiffness += elastic;
         }
+        for (i, spring) in machine.springs.iter().enumerate() {
+            let ends = spring.ends.map(|end| *layout.node(end));
+            let relative = spring::relative(spring, &ends, size);
+            let [stiff, soft] = [1.0, -1.0].map(|sign| spring::factor(spring, sign, &relative));
+            let elastic = stiff.transpose() * &stiff;
+            losses += spring.loss_factor * &elastic;
+            stiffness += elastic - soft.transpose() * &soft;
+            dampers += relative.transpose() * Matrix6::from_diagonal(&spring.damper) * &relative;
+            factor.rows_mut(next, 6).copy_from(&stiff);
+            negative.rows_mut(6 * i, 6).copy_from(&soft);
+            rows.push(next..next + 6);
+            next += 6;
+        }
+        for point in &machine.point_masses {
+            if let Some(Follow { first, map }) = layout.node(point.node).follow {
+                let mut block = mass.fixed_view_mut::<6, 6>(first, first);
+                block += map.transpose() * point.body.mass_matrix() * map;
+                spread[first..first + 6].fill(true);
+            }
+        }
         let mut coordinates = DMatrix::zeros(size, size);
         for (i, d) in machine.coordinates.iter().enumerate() {
             coordinates.set_row(i, &whole[d.beam].row(d.component));
@@ -270,6 +329,7 @@ impl Multibody {
             centre,
             layout,
             factor,
+            negative,
             rows,
             inertia,
             eigen: (DVector::zeros(0), DMatrix::zeros(0, 0)),
@@ -385,7 +445,8 @@ impl Multibody {
         }
     }
 
-    /// Finds the modes and the static loads, and checks that beams or weight hold every body.
+    /// Finds the modes and the static loads, and checks that beams, springs or weight hold every
+    /// body.
     fn hold(&mut self, machine: &Machine) -> Result<(), EntryError> {
         let lengths = self.layout.lengths(machine);
         self.hold_turns(machine)?;
@@ -397,11 +458,11 @@ impl Multibody {
                 Some(&i) => Err(EntryError::new(
                     self.owner_of(i).entry(machine),
                     format!(
-                        "{} can move without deforming any beam that is stiff",
+                        "{} can move without deforming any beam or spring that is stiff",
                         self.owner_of(i).subject()
                     ),
                 )
-                .fix("support it by more or stiffer beams")),
+                .fix("support it by more or stiffer beams or springs")),
                 None => self.resolve(machine),
             };
         }
@@ -417,16 +478,16 @@ impl Multibody {
             Some(i) => Err(EntryError::new(
                 self.owner_of(i).entry(machine),
                 format!(
-                    "{} can move without deforming any beam, and its weight does not hold it either",
+                    "{} can move without deforming any beam or spring, and its weight does not hold it either",
                     self.owner_of(i).subject()
                 ),
             )
-            .fix("support it by more beams")),
+            .fix("support it by more beams or springs")),
             None => self.resolve(machine),
         }
     }
 
-    /// Checks that beams hold the motions without inertia.
+    /// Checks that beams or springs hold the motions without inertia.
     fn hold_turns(&self, machine: &Machine) -> Result<(), EntryError> {
         let without = &self.inertia.without;
         if without.ncols() == 0 {
@@ -443,9 +504,9 @@ impl Multibody {
         let inert = self.inert(machine, motion.as_slice());
         Err(EntryError::new(
             inert.entry,
-            format!("{}, and no beam holds it", inert.cause),
+            format!("{}, and no beam or spring holds it", inert.cause),
         )
-        .fix("give it a small inertia, or a beam with bending or torsional stiffness"))
+        .fix("give it a small inertia, a beam with bending or torsional stiffness, or a spring with rotational_stiffness"))
     }
 
     /// Checks that double precision resolves the slowest mode beside the fastest.
@@ -460,22 +521,21 @@ impl Multibody {
         }
         let shape = shapes.column(squares.len() - 1);
         let strain = &self.factor * shape;
-        let part = (0..self.rows.len()).max_by(|&a, &b| {
-            let energy = |part: usize| strain.rows_range(self.rows[part].clone()).norm_squared();
-            energy(a).total_cmp(&energy(b))
-        });
-        let part = part.unwrap_or(0);
-        let (entry, what, fix) = match part.checked_sub(machine.beams.len()) {
-            Some(body) => (
-                format!("flexible_bodies.{}", machine.flexible[body].name),
+        let energy = |rows: &Range<usize>| strain.rows_range(rows.clone()).norm_squared();
+        let parts = Part::all(machine).zip(&self.rows);
+        let stiffest = parts.max_by(|(_, a), (_, b)| energy(a).total_cmp(&energy(b)));
+        let Some((part, _)) = stiffest else {
+            return Ok(());
+        };
+        let joins = "make it less stiff, or make one body of what it joins";
+        let (entry, what, fix) = match part {
+            Part::Beam(beam) => (format!("beams.{}", beam.name), "beam", joins),
+            Part::Flexible(body) => (
+                format!("flexible_bodies.{}", body.name),
                 "flexible body",
                 "reduce it to fewer modes and nodes",
             ),
-            None => (
-                format!("beams.{}", machine.beams[part].name),
-                "beam",
-                "make it less stiff, or make one body of what it joins",
-            ),
+            Part::Spring(spring) => (format!("springs.{}", spring.name), "spring", joins),
         };
         let hertz = |square: f64| square.abs().sqrt() / core::f64::consts::TAU;
         Err(EntryError::new(
@@ -489,7 +549,7 @@ impl Multibody {
         .fix(fix))
     }
 
-    /// The modes that deform no beam, by index.
+    /// The modes that deform no beam, no flexible body and no spring, by index.
     fn free(&self, lengths: &DVector<f64>) -> Vec<usize> {
         let (squares, shapes) = &self.eigen;
         let highest = squares.amax();
@@ -542,11 +602,11 @@ impl Multibody {
                 return Err(EntryError::new(
                     self.owner_of(i).entry(machine),
                     format!(
-                        "{} falls: no beam carries its weight",
+                        "{} falls: no beam or spring carries its weight",
                         self.owner_of(i).subject()
                     ),
                 )
-                .fix("support it by more beams"));
+                .fix("support it by more beams or springs"));
             }
         }
         Ok(sag)
@@ -564,9 +624,20 @@ impl Multibody {
             let follow = held.lu().solve(&pull);
             basis -= without * follow.expect("these motions were checked to be held");
         }
+        let mut rest = None;
+        if self.negative.nrows() > 0 {
+            let soft = &self.negative * &basis;
+            rest = Some(-(soft.transpose() * soft));
+        }
         let geometric = &self.statics.geometric;
-        let geometric = (geometric.nrows() > 0).then(|| basis.transpose() * geometric * &basis);
-        let (squares, turned) = factored_eigen(&(&self.factor * &basis), geometric.as_ref());
+        if geometric.nrows() > 0 {
+            let geometric = basis.transpose() * geometric * &basis;
+            rest = Some(match rest {
+                Some(negative) => negative + geometric,
+                None => geometric,
+            });
+        }
+        let (squares, turned) = factored_eigen(&(&self.factor * &basis), rest.as_ref());
         let mut shapes = basis * turned;
         for mut shape in shapes.column_iter_mut() {
             if shape[shape.icamax()] < 0.0 {
@@ -661,10 +732,17 @@ impl Multibody {
         Some(shapes)
     }
 
-    /// Rows of the beam with this index, those of flexible bodies counted after all beams, √(N/m):
-    /// half the sum of their squares is its strain energy, J, in the motion x.
-    pub(crate) fn strain(&self, part: usize) -> DMatrix<f64> {
-        self.factor.rows_range(self.rows[part].clone()).into_owned()
+    /// Twice the strain energy, J, of the part with this index in the motions `x`, as columns, all
+    /// added; that of a negative stiffness is negative.
+    ///
+    /// Parts are the beams, then the flexible bodies, then the springs.
+    pub(crate) fn strain(&self, machine: &Machine, part: usize, x: &DMatrix<f64>) -> f64 {
+        let stiff = (self.factor.rows_range(self.rows[part].clone()) * x).norm_squared();
+        let springs = machine.beams.len() + machine.flexible.len();
+        match part.checked_sub(springs) {
+            Some(spring) => stiff - (self.negative.rows(6 * spring, 6) * x).norm_squared(),
+            None => stiff,
+        }
     }
 
     /// Names of the degrees of freedom q_d.
