@@ -178,6 +178,8 @@ pub struct FlexibleBody {
     pub stiffness: DMatrix<f64>,
     /// Loss factor of the material (no unit).
     pub loss_factor: f64,
+    /// Damping ratio of each elastic mode of the free body (no unit).
+    pub modal_damping: f64,
     /// Mass, kg.
     pub total: f64,
     /// Position of the centre of gravity, m.
@@ -206,6 +208,9 @@ pub struct Beam {
     pub polar_inertia: f64,
     /// Number of equal elements that the beam is divided into, at least 1.
     pub segments: usize,
+    /// Rotations about the local x, y and z axes that the joints at p and q release. That about x
+    /// is released at one end at most.
+    pub released: [[bool; 3]; 2],
     /// Loss factor of the material (no unit).
     pub loss_factor: f64,
     /// Viscous damper along the beam, N s/m.
@@ -217,9 +222,28 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// One of `parts` equal parts of the beam, as a beam of one element.
+    /// The elements that the beam is divided into, from p to q, each as a beam of one element. The
+    /// first and the last one have its joints.
     ///
     /// Damper and end nodes are those of the whole: they have no part.
+    pub(crate) fn elements(&self) -> impl Iterator<Item = Self> {
+        let last = self.segments - 1;
+        (0..=last).map(move |i| {
+            let mut element = self.part(self.segments);
+            let [p, q] = self.released;
+            if i == 0 {
+                element.released[0] = p;
+            }
+            if i == last {
+                element.released[1] = q;
+            }
+            element
+        })
+    }
+
+    /// One of `parts` equal parts of the beam without its joints, as a beam of one element.
+    ///
+    /// Damper and end nodes are those of the whole, as for [`elements`](Self::elements).
     pub(crate) fn part(&self, parts: usize) -> Self {
         let parts = parts as f64;
         Self {
@@ -232,6 +256,7 @@ impl Beam {
             mass: self.mass / parts,
             polar_inertia: self.polar_inertia / parts,
             segments: 1,
+            released: [[false; 3]; 2],
             ..self.clone()
         }
     }
@@ -606,6 +631,9 @@ impl Machine {
         }
         for spring in &mut machine.springs {
             spring.damper *= more;
+        }
+        for body in &mut machine.flexible {
+            body.modal_damping *= more;
         }
         for sensor in machine.accelerometers.iter_mut().flatten() {
             // About an axis across it, evenly drawn around.

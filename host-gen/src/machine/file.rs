@@ -297,6 +297,10 @@ pub struct FlexibleBodyEntry {
     /// over a mode's strain energy to the damping ratio of the mode.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_factor: Option<f64>,
+    /// Damping ratio of each elastic mode that the body has by itself, free, with its nodes
+    /// unsupported (no unit). At least 0 and below 1. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modal_damping: Option<f64>,
 }
 
 /// A unit of length.
@@ -394,6 +398,49 @@ pub struct BeamEntry {
     /// the beam counts. Default: local z is as near to the file's z as possible; for an upright beam,
     /// local y is the file's y.
     pub y_axis: Option<[f64; 3]>,
+    /// The joints `[P, Q]` at its two ends, in the order of `nodes`. Each is `"fixed"`, `"ball"` for
+    /// all rotations, `"universal"` for those of bending, or a list of the released rotations by the
+    /// beam's own axes, such as `["ry"]` for a hinge about the local y axis. Default: both fixed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joints: Option<[JointEntry; 2]>,
+}
+
+/// The joint at an end of a beam, in one of two notations.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(
+    untagged,
+    expecting = "expected \"fixed\", \"ball\", \"universal\", or a list of released rotations, of \"rx\", \"ry\" and \"rz\""
+)]
+pub enum JointEntry {
+    /// By its name.
+    Named(Joint),
+    /// The rotations that it releases, about the beam's local axes.
+    Released(Vec<Rotation>),
+}
+
+/// A joint at an end of a beam.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Joint {
+    /// Releases nothing.
+    Fixed,
+    /// Releases all rotations.
+    Ball,
+    /// Releases the rotations about the local y and z axes, and holds that about the beam's own
+    /// axis.
+    Universal,
+}
+
+/// A rotation about an axis of a beam.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rotation {
+    /// About the beam's own axis.
+    Rx,
+    /// About the local y axis: bending in the local x–z plane, that of e3 and e4.
+    Ry,
+    /// About the local z axis: bending in the local x–y plane, that of e5 and e6.
+    Rz,
 }
 
 /// `[springs.NAME]`: a spring of no length, or a joint, between two nodes.

@@ -11,7 +11,7 @@ use npyz::{NpyFile, Order};
 use super::checked::{FlexibleBody, Node};
 use super::error::EntryError;
 use super::file::{FlexibleBodyEntry, LengthUnit, MassUnit};
-use super::validate::{Checked, not_negative, positive};
+use super::validate::{Checked, fraction, not_negative, positive};
 use crate::numeric::motion::rigid_motions;
 use crate::numeric::unit_diagonal::{scaled, to_ones};
 
@@ -109,12 +109,14 @@ pub(super) fn flexible_body(
         }
     }
     let loss_entry = format!("{entry}.loss_factor");
+    let modal_entry = format!("{entry}.modal_damping");
     Ok(FlexibleBody {
         name: name.to_owned(),
         nodes: interface,
         mass,
         stiffness,
         loss_factor: not_negative(&loss_entry, spec.loss_factor.unwrap_or(0.0), "")?,
+        modal_damping: fraction(&modal_entry, spec.modal_damping.unwrap_or(0.0))?,
         total,
         cog,
     })

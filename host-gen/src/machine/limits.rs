@@ -131,6 +131,13 @@ const ALL: &[Limits] = &[
         "",
         "rubber has 1",
     ),
+    limits(
+        "flexible_bodies.*.modal_damping",
+        0.0,
+        1.0,
+        "",
+        "at 1 a mode does not vibrate",
+    ),
     limits("profiles.*.axial", 1e-6, RIGID, "N/m", RIGID_WHY),
     limits("profiles.*.bending", 1e-9, RIGID, "N m", RIGID_WHY),
     limits("profiles.*.torsion", 1e-9, RIGID, "N m", RIGID_WHY),

@@ -18,8 +18,8 @@ use super::checked::{
 use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind, ForceSensorEntry,
-    Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, RollOff, ShapeEntry,
-    Simulation, SpectrumEntry, SupervisionSettings,
+    Inertia, Joint, JointEntry, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry,
+    RollOff, Rotation, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
 };
 use super::flexible::flexible_body;
 use super::limits::{self, Limits};
@@ -332,7 +332,7 @@ pub(super) fn not_zero(entry: &str, value: f64) -> Checked<f64> {
 }
 
 /// At least 0 and below 1.
-fn fraction(entry: &str, value: f64) -> Checked<f64> {
+pub(super) fn fraction(entry: &str, value: f64) -> Checked<f64> {
     let right = (0.0..1.0).contains(&value);
     number(entry, value, right, "be at least 0 and below 1")
 }
@@ -640,6 +640,7 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                 mass,
                 polar_inertia,
                 segments,
+                released: released(&entry, spec.joints.as_ref())?,
                 loss_factor: not_negative(&format!("{source}.loss_factor"), profile.loss_factor.unwrap_or(0.0), "")?,
                 damper: not_negative(&format!("{source}.damper"), profile.damper.unwrap_or(0.0), "N s/m")?,
                 axes: axes(&entry, "the beam", along / length, spec.y_axis.as_ref())?,
@@ -647,6 +648,29 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
             })
         })
         .collect()
+}
+
+/// The rotations that the joints at the two ends of a beam release, about its local axes.
+fn released(entry: &str, joints: Option<&[JointEntry; 2]>) -> Checked<[[bool; 3]; 2]> {
+    let Some(joints) = joints else {
+        return Ok([[false; 3]; 2]);
+    };
+    let released = joints.each_ref().map(|joint| match joint {
+        JointEntry::Named(Joint::Fixed) => [false; 3],
+        JointEntry::Named(Joint::Ball) => [true; 3],
+        JointEntry::Named(Joint::Universal) => [false, true, true],
+        JointEntry::Released(all) => {
+            [Rotation::Rx, Rotation::Ry, Rotation::Rz].map(|rotation| all.contains(&rotation))
+        }
+    });
+    if released.iter().all(|[about_own, ..]| *about_own) {
+        return Err(EntryError::new(
+            format!("{entry}.joints"),
+            "a mechanism: both joints release rx, so that nothing keeps the beam from turning about its own axis",
+        )
+        .fix("let one joint hold rx, such as \"universal\" instead of \"ball\""));
+    }
+    Ok(released)
 }
 
 /// End stiffnesses as given, or from material and section over the length.
@@ -758,7 +782,9 @@ fn damping(
         || beams
             .iter()
             .any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0)
-        || flexible.iter().any(|body| body.loss_factor != 0.0);
+        || flexible
+            .iter()
+            .any(|body| body.loss_factor != 0.0 || body.modal_damping != 0.0);
     let modal = spec.modal.unwrap_or(if elsewhere { 0.0 } else { 0.005 });
     fraction("damping.modal", modal)?;
     let rayleigh = spec.rayleigh.unwrap_or_default();

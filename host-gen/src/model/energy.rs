@@ -108,15 +108,18 @@ fn of_group(machine: &Machine, model: &Multibody, shapes: &DMatrix<f64>) -> Ener
     let beams = machine.beams.iter().enumerate();
     let heavy = beams.filter(|(_, beam)| beam.mass > 0.0);
     let of_beams = heavy.clone().map(|(i, beam)| {
-        let mass = beam_mass(&beam.part(beam.segments));
         let points = model.along(machine, i);
-        let energies = points.windows(2).map(|ends| {
-            let mut part = DMatrix::zeros(12, shapes.ncols());
-            for (end, point) in ends.iter().enumerate() {
-                part.rows_mut(6 * end, 6).copy_from(&point.motion(shapes));
-            }
-            (part.transpose() * &mass * part).trace()
-        });
+        let energies = beam
+            .elements()
+            .zip(points.windows(2))
+            .map(|(element, ends)| {
+                let mass = beam_mass(&element);
+                let mut part = DMatrix::zeros(12, shapes.ncols());
+                for (end, point) in ends.iter().enumerate() {
+                    part.rows_mut(6 * end, 6).copy_from(&point.motion(shapes));
+                }
+                (part.transpose() * mass * part).trace()
+            });
         Share {
             name: beam.name.clone(),
             share: energies.sum::<f64>() / shapes.ncols() as f64,

@@ -11,11 +11,14 @@
 //! into parts and reduced to its two ends, which gives the stiffness near buckling, too. So is each
 //! element of a beam with mass, whose weight acts on the element's ends.
 
+use core::f64::consts::{PI, TAU};
+
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Matrix3, RowDVector, Vector3};
 
 use super::beam::{
-    beam_deformations, beam_mass, deformation_stiffness, deformations, motions, own_axes,
+    Joints, beam_deformations, beam_mass, deformation_stiffness, deformations, joints, motions,
+    own_axes, released_bending,
 };
 use super::flexible::mean_rotation;
 use super::layout::{Follow, Layout, Owner, Point};
@@ -39,15 +42,25 @@ pub struct Statics {
 /// then, and all else to 0.01 %.
 const PARTS: usize = 20;
 
-/// The compressive force at which a beam with both ends clamped buckles, N, positive.
+/// The compressive force at which a beam buckles between its nodes if these do not turn, N,
+/// positive.
 ///
-/// This is Euler's 4π²·EI/L² for the plane with the smaller bending stiffness. A plane without
-/// bending stiffness is that of a hinged strut, which stays straight; `None` if both are.
+/// This is Euler's load for the weaker plane: 4π²·EI/L² with both ends fixed, π²·EI/L² where joints
+/// release both, and 20.19·EI/L², the square of the first root of tan x = x, where one is released.
+/// A plane without bending stiffness is that of a hinged strut, which stays straight; `None` if both
+/// are.
 pub fn buckling_load(beam: &Beam) -> Option<f64> {
-    let bending = beam.stiffness.bending.iter().filter(|&&plane| plane > 0.0);
-    let tau = core::f64::consts::TAU;
-    let least = bending.copied().reduce(f64::min)?;
-    Some(tau * tau * least / beam.length)
+    let planes = beam.stiffness.bending.iter().zip(released_bending(beam));
+    let bends = planes.filter(|(plane, _)| **plane > 0.0);
+    let loads = bends.map(|(plane, released)| {
+        let root = match released {
+            [false, false] => TAU,
+            [true, false] | [false, true] => 4.493_409_457_909_064,
+            [true, true] => PI,
+        };
+        root * root * plane / beam.length
+    });
+    loads.reduce(f64::min)
 }
 
 impl Statics {
@@ -88,9 +101,8 @@ impl Statics {
             let whole = deformations(beam, &layout.ends(machine, i), size) * sag;
             axial.push((deformation_stiffness(beam) * whole)[0]);
             let points = layout.along(machine, i);
-            let part = beam.part(beam.segments);
             let mut holds = true;
-            for ends in points.windows(2) {
+            for (part, ends) in beam.elements().zip(points.windows(2)) {
                 let deformation = deformations(&part, ends, size) * sag;
                 let stress = deformation_stiffness(&part) * &deformation;
                 let motions = motions(ends, size);
@@ -154,16 +166,32 @@ fn turned_arm(push: &Vector3<f64>, arm: &Vector3<f64>) -> Matrix3<f64> {
 /// twelve end motions; and whether its inner points are held in stable equilibrium.
 ///
 /// A beam without stiffness against bending or twist is one element: a plane without bending
-/// stiffness stays straight, as in a bar with hinged ends.
+/// stiffness stays straight, as in a bar with hinged ends. Rotations that joints release are in
+/// equilibrium, too.
 fn beam_geometric(beam: &Beam, stress: &DVector<f64>) -> (DMatrix<f64>, bool) {
     let local = own_axes(beam);
     let [y, z] = beam.stiffness.bending;
-    let (of_ends, holds) = if y > 0.0 && z > 0.0 && beam.stiffness.torsion > 0.0 {
+    let (mut of_ends, mut holds) = if y > 0.0 && z > 0.0 && beam.stiffness.torsion > 0.0 {
         divided(beam, stress)
     } else {
         let stress = core::array::from_fn(|i| stress[i]);
         (element(beam.length, [y > 0.0, z > 0.0], stress), true)
     };
+    if let Some(Joints {
+        released,
+        own,
+        follow,
+    }) = joints(beam)
+    {
+        // Counted from the elastic following, as in `divided`: nothing cancels.
+        let pull = of_ends.select_rows(&released) * &follow;
+        let within = own + of_ends.select_rows(&released).select_columns(&released);
+        holds &= Cholesky::new(within.clone()).is_some();
+        of_ends = follow.transpose() * of_ends * follow;
+        if let Some(followed) = within.lu().solve(&pull) {
+            of_ends -= pull.transpose() * followed;
+        }
+    }
     (local.transpose() * of_ends * local, holds)
 }
 
@@ -329,6 +357,7 @@ mod tests {
             mass: 0.0,
             polar_inertia: 0.0,
             segments: 1,
+            released: [[false; 3]; 2],
             loss_factor: 0.0,
             damper: 0.0,
             axes: Matrix3::identity(),

@@ -35,7 +35,7 @@ use nalgebra::{
 };
 
 use super::beam::{beam_mass, deformation_stiffness, deformations, motions, stiffness_factor};
-use super::flexible::flexible_factor;
+use super::flexible::Elastic;
 use super::gravity::Statics;
 use super::independence::{INDEPENDENT, centre, dependent, follows_from, reach};
 use super::inertia::Inertia;
@@ -59,7 +59,7 @@ pub struct Multibody {
     pub stiffness: DMatrix<f64>,
     /// Static loads under gravity and their geometric stiffness; empty without gravity.
     pub statics: Statics,
-    /// Dampers along beams and in springs, N×N, N s/m, N s and N m s.
+    /// Dampers along beams and in springs, and modal damping of flexible bodies, N×N, N s/m, N s and N m s.
     dampers: DMatrix<f64>,
     /// Σ η·K over the beams, flexible bodies and springs with loss factor η, N×N.
     losses: DMatrix<f64>,
@@ -234,8 +234,7 @@ impl Multibody {
         let mut next = 0;
         for ((beam, points), whole) in machine.beams.iter().zip(&along).zip(&whole) {
             let first = next;
-            let part = beam.part(beam.segments);
-            for ends in points.windows(2) {
+            for (part, ends) in beam.elements().zip(points.windows(2)) {
                 let deformed = deformations(&part, ends, size);
                 let of_part = deformed.transpose() * deformation_stiffness(&part) * &deformed;
                 losses += beam.loss_factor * &of_part;
@@ -265,7 +264,12 @@ impl Multibody {
         }
         for (i, body) in machine.flexible.iter().enumerate() {
             layout.add_of_flexible(machine, i, &body.mass, &mut mass);
-            let of_body = flexible_factor(body);
+            let elastic = Elastic::new(body);
+            if body.modal_damping > 0.0 {
+                let of_body = elastic.modal_damping(machine, body);
+                layout.add_of_flexible(machine, i, &of_body, &mut dampers);
+            }
+            let of_body = elastic.factor;
             let first = next;
             next += of_body.nrows();
             let own = layout.flexible(machine, i);
