@@ -55,7 +55,7 @@ pub fn warnings(study: &Study) -> Vec<String> {
     }
     if let Some(hz) = study.falls() {
         warnings.push(format!(
-            "the machine falls under its own weight: a mode grows at {hz:.3} Hz"
+            "the machine does not stand: a mode grows at {hz:.3} Hz"
         ));
     }
     if study.design_model().feedback != FeedbackKind::Both {

@@ -5,18 +5,43 @@ use serde_path_to_error::{Path, Segment};
 use super::error::EntryError;
 use super::file::MachineFile;
 use super::names::nearest;
-use super::schema::{summary, unit};
+use super::schema::{missing, summary, unit};
 
 /// The file that a table of keys and values is.
 pub(super) fn file(table: toml::Table) -> Result<MachineFile, EntryError> {
-    serde_path_to_error::deserialize(toml::Value::Table(table)).map_err(|error| {
+    serde_path_to_error::deserialize(toml::Value::Table(table.clone())).map_err(|error| {
         let entry = match error.path().to_string().as_str() {
             // The file as a whole.
             "." => String::new(),
             path => path.to_owned(),
         };
-        refusal(entry, error.path(), error.inner().message())
+        let message = error.inner().message();
+        if message.starts_with("missing field ")
+            && let Some(all) = all_missing(&table)
+        {
+            return all;
+        }
+        refusal(entry, error.path(), message)
     })
+}
+
+/// All missing keys at once; `None` if there is one.
+fn all_missing(table: &toml::Table) -> Option<EntryError> {
+    let missing = missing(table);
+    let [first, _, ..] = &missing[..] else {
+        return None;
+    };
+    let entry = first[..first.len() - 1].join(".");
+    let named = missing.iter().map(|path| format!("`{}`", path.join(".")));
+    let keys = named.clone().collect::<Vec<_>>().join(", ");
+    let fixes = named.zip(&missing).map(|(name, path)| {
+        match summary(path.iter().map(|key| Some(key.as_str()))) {
+            Some(summary) => format!("{name}, {summary}"),
+            None => name,
+        }
+    });
+    let fixes = fixes.collect::<Vec<_>>().join("; ");
+    Some(EntryError::new(entry, format!("missing keys {keys}")).fix(format!("add them: {fixes}")))
 }
 
 /// Says what serde says for the person who wrote the file.

@@ -2,6 +2,8 @@
 //!
 //! It comes from [`super::file`], so it has the same keys and texts.
 
+use std::collections::VecDeque;
+
 use schemars::Schema;
 use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, RestrictFormats, Transform as _};
@@ -113,6 +115,39 @@ pub(super) fn summary<'a>(path: impl Iterator<Item = Option<&'a str>>) -> Option
     Some(text[..end].trim_end_matches('.').to_owned())
 }
 
+/// The keys without a default that a file does not have, each by its path from the top. Those of a
+/// table that is itself missing are not listed.
+pub(super) fn missing(file: &toml::Table) -> Vec<Vec<String>> {
+    let schema = file_schema("/$defs").to_value();
+    let mut all = Vec::new();
+    // Tables nearer to the top come first.
+    let mut next = VecDeque::from([(&schema, file, Vec::new())]);
+    while let Some((mut here, table, path)) = next.pop_front() {
+        // An optional table is a choice of one.
+        if let Some([choice]) = here["anyOf"].as_array().map(Vec::as_slice) {
+            here = choice;
+        }
+        let reference = here["$ref"].as_str();
+        let place = reference.map(|reference| reference.trim_start_matches('#'));
+        here = place
+            .and_then(|place| schema.pointer(place))
+            .unwrap_or(here);
+        for key in here["required"].as_array().into_iter().flatten() {
+            if let Some(key) = key.as_str().filter(|key| !table.contains_key(*key)) {
+                all.push([&path[..], &[key.to_owned()]].concat());
+            }
+        }
+        for (key, value) in table {
+            let own = here["properties"].get(key);
+            let of_key = own.or_else(|| here.get("additionalProperties"));
+            if let (Some(of_key), Some(table)) = (of_key, value.as_table()) {
+                next.push_back((of_key, table, [&path[..], &[key.clone()]].concat()));
+            }
+        }
+    }
+    all
+}
+
 /// The unit of a number, the end of its [`summary`]; none if it has no unit.
 pub(super) fn unit(summary: &str) -> Option<&str> {
     let (_, unit) = summary.rsplit_once(", ")?;
@@ -127,7 +162,7 @@ mod tests {
     /// messages depend on it.
     #[test]
     fn every_number_states_its_unit() {
-        const UNITS: [&str; 21] = [
+        const UNITS: [&str; 22] = [
             "m",
             "m²",
             "m⁴",
@@ -140,6 +175,7 @@ mod tests {
             "N m",
             "N/m",
             "N s/m",
+            "N m s",
             "Pa",
             "V",
             "N/V",

@@ -380,4 +380,53 @@ mod tests {
             assert!(whole.abs() < 1e-14, "e{}: {whole:e}", i + 1);
         }
     }
+
+    /// Turning two free nodes and the loaded spring between them does no work: to second order, the
+    /// motion of its ends and what its geometric stiffness adds cancel.
+    #[test]
+    fn a_rotation_of_the_whole_does_not_strain_a_spring() {
+        let turn = Vector3::new(0.3, -0.4, 0.5);
+        let places = [Vector3::new(0.2, 0.7, -0.1), Vector3::new(-0.4, 0.3, 0.6)];
+        let ends = [0, 1].map(|i| Point {
+            at: places[i],
+            follow: Some(Follow {
+                first: 6 * i,
+                map: nalgebra::Matrix6::identity(),
+            }),
+        });
+        let axes = nalgebra::Rotation3::from_euler_angles(0.3, 0.8, -0.5);
+        let spring = crate::machine::Spring {
+            name: String::new(),
+            ends: [0, 1],
+            at: places[0].lerp(&places[1], 0.5),
+            axes: axes.matrix().transpose(),
+            stiffness: nalgebra::Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+            damper: nalgebra::Vector6::zeros(),
+            loss_factor: 0.0,
+        };
+        let mut first = DVector::zeros(12);
+        let mut second = DVector::zeros(12);
+        for (i, at) in places.iter().enumerate() {
+            let moved = turn.cross(at);
+            first.rows_mut(6 * i, 3).copy_from(&moved);
+            first.rows_mut(6 * i + 3, 3).copy_from(&turn);
+            second
+                .rows_mut(6 * i, 3)
+                .copy_from(&(0.5 * turn.cross(&moved)));
+        }
+        let relative = spring::relative(&spring, &ends, 12);
+        for i in 0..12 {
+            let sag = DVector::from_fn(12, |j, _| f64::from(u8::from(i == j)));
+            let load = spring::load(&spring, &relative, &sag);
+            let mut geometric = spring::geometric(&spring, &ends, &load, 12);
+            let push: Vector3<f64> = load.fixed_rows::<3>(0).into_owned();
+            for (end, push) in [push, -push].iter().enumerate() {
+                let mut block = geometric.view_mut((6 * end + 3, 6 * end + 3), (3, 3));
+                block += turned_arm(push, &(spring.at - places[end]));
+            }
+            let force = relative.transpose() * (&relative * &sag).component_mul(&spring.stiffness);
+            let whole = 0.5 * (first.transpose() * geometric * &first)[0] + force.dot(&second);
+            assert!(whole.abs() < 1e-14, "{i}: {whole:e}");
+        }
+    }
 }

@@ -25,3 +25,4 @@ mod sensor_dynamics;
 mod sensor_noise;
 mod soft_start;
 mod spectrum;
+mod springs_and_joints;

@@ -156,7 +156,7 @@ impl Display for ModeAnalysis {
         if self.modes.first().is_some_and(|mode| mode.hz < 0.0) {
             writeln!(
                 f,
-                "  Under gravity the machine is unstable: a negative Hz is the growth rate of such a mode."
+                "  The machine is unstable: a negative Hz is the growth rate of such a mode."
             )?;
         }
         Ok(())
