@@ -89,8 +89,8 @@ fn missing_keys() {
     let keys = [
         "`coordinates`",
         "`board`",
-        "`bodies.lens.cog`",
         "`control.damping`",
+        "`bodies.lens.cog`",
     ];
     assert_eq!(error.message(), format!("missing keys {}", keys.join(", ")));
     let fix = error.fix().unwrap();
