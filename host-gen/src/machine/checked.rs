@@ -1,5 +1,6 @@
 //! A machine as checked: names resolved, numbers in range.
 
+use std::ops::{Deref, DerefMut};
 use std::path::Path;
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3, Vector6};
@@ -19,9 +20,10 @@ use super::source::Source;
 use crate::floor::Floor;
 use crate::numeric::exposure::Measure;
 
-/// A machine as checked. SI units.
+/// What vibrates: bodies, beams and springs on the base, as checked, with or without control. SI
+/// units.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Machine {
+pub struct Structure {
     /// Name of the machine.
     pub name: String,
     /// All nodes, in the order of the file; other fields refer to them by index.
@@ -36,6 +38,19 @@ pub struct Machine {
     pub springs: Vec<Spring>,
     /// Point masses, in the order of the file.
     pub point_masses: Vec<PointMass>,
+    /// Acceleration of gravity, m/s².
+    pub gravity: Vector3<f64>,
+    /// Damping of the machine as a whole.
+    pub damping: Damping,
+    pub(super) source: Source,
+}
+
+/// A machine as checked: its [`Structure`], whose fields it has, with legs, sensors, outputs and
+/// board. SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Machine {
+    /// What vibrates.
+    pub structure: Structure,
     /// Degrees of freedom q_d, Eq. (7): six per body.
     pub coordinates: Vec<Deformation>,
     /// Actuated beams, by index, in channel order.
@@ -56,10 +71,6 @@ pub struct Machine {
     pub bands: Vec<(String, f64, f64)>,
     /// Exposure time of moving averages and deviations, s.
     pub exposure: Option<f64>,
-    /// Acceleration of gravity, m/s².
-    pub gravity: Vector3<f64>,
-    /// Damping of the machine as a whole.
-    pub damping: Damping,
     /// Objectives of the controller.
     pub target: Target,
     /// Shapes of the modal law by mode, slowest mode first, where the file gives them;
@@ -83,7 +94,20 @@ pub struct Machine {
     /// Errors of gains that the controller does not know: zero for the machine of a file.
     pub(crate) gain_errors: GainErrors,
     pub(super) description: MachineFile,
-    pub(super) source: Source,
+}
+
+impl Deref for Machine {
+    type Target = Structure;
+
+    fn deref(&self) -> &Structure {
+        &self.structure
+    }
+}
+
+impl DerefMut for Machine {
+    fn deref_mut(&mut self) -> &mut Structure {
+        &mut self.structure
+    }
 }
 
 /// Relative errors of the gains of sensors and actuators (no unit).
@@ -500,6 +524,22 @@ impl Sensor {
     }
 }
 
+impl Structure {
+    /// `error` with its place in this machine's file.
+    pub(crate) fn locate(&self, error: EntryError) -> MachineError {
+        self.source.locate(error)
+    }
+
+    /// Name of a deformation, such as `"leg4.e1"`.
+    pub fn deformation_name(&self, deformation: Deformation) -> String {
+        format!(
+            "{}.e{}",
+            self.beams[deformation.beam].name,
+            deformation.component + 1
+        )
+    }
+}
+
 impl Machine {
     /// The same machine with other sensors fed back; None if it or its board does not have
     /// them.
@@ -545,12 +585,19 @@ impl Machine {
     pub fn search_inputs(&self) -> String {
         // Without `..`: whoever adds a field decides here whether the search reads it.
         let Self {
-            nodes,
-            bodies,
-            flexible,
-            beams,
-            springs,
-            point_masses,
+            structure:
+                Structure {
+                    nodes,
+                    bodies,
+                    flexible,
+                    beams,
+                    springs,
+                    point_masses,
+                    gravity,
+                    damping,
+                    name: _,
+                    source: _,
+                },
             coordinates,
             actuators,
             accelerometers,
@@ -561,20 +608,16 @@ impl Machine {
             performance,
             bands,
             exposure,
-            gravity,
-            damping,
             target,
             board,
             simulation,
             robustness,
             gain_errors,
-            name: _,
             supervision: _,
             shapes: _,
             provenance: _,
             digest: _,
             description: _,
-            source: _,
         } = self;
         let shaken = match target.minimise {
             Minimise::Peaks => None,
@@ -617,7 +660,7 @@ impl Machine {
             }
         }
         for &leg in &machine.actuators {
-            let stiffness = &mut machine.beams[leg].stiffness;
+            let stiffness = &mut machine.structure.beams[leg].stiffness;
             let factor = 1.0 + settings.leg_stiffness * uniform();
             stiffness.axial *= factor;
             stiffness.torsion *= factor;
@@ -655,20 +698,6 @@ impl Machine {
         let latch = &mut machine.board.latch_delay;
         *latch = (*latch + settings.delay * uniform()).max(0.0);
         machine
-    }
-
-    /// `error` with its place in this machine's file.
-    pub(crate) fn locate(&self, error: EntryError) -> MachineError {
-        self.source.locate(error)
-    }
-
-    /// Name of a deformation, such as `"leg4.e1"`.
-    pub fn deformation_name(&self, deformation: Deformation) -> String {
-        format!(
-            "{}.e{}",
-            self.beams[deformation.beam].name,
-            deformation.component + 1
-        )
     }
 
     /// The machine file as data, with all defaults filled in. Change it and

@@ -44,7 +44,7 @@ use std::path::Path;
 pub use checked::{
     Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, FlexibleBody,
     LowerCorner, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring, Stiffness,
-    Target,
+    Structure, Target,
 };
 pub(crate) use error::EntryError;
 pub use error::MachineError;

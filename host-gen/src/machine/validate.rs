@@ -13,7 +13,7 @@ use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
     Beam, Board, Body, Carrier, DESIGN_SAMPLES, Damping, Deformation, Direction, FlexibleBody,
     GainErrors, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring, Stiffness,
-    Target,
+    Structure, Target,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
@@ -36,7 +36,10 @@ const UNIT_SLACK: f64 = 1e-5;
 /// Checks a file; errors have their place in `source`.
 pub(super) fn machine(file: MachineFile, source: Source) -> Result<Machine, MachineError> {
     match check(file, &source) {
-        Ok(machine) => Ok(Machine { source, ..machine }),
+        Ok(mut machine) => {
+            machine.structure.source = source;
+            Ok(machine)
+        }
         Err(error) => Err(source.locate(error)),
     }
 }
@@ -76,7 +79,18 @@ fn digest(file: &MachineFile, flexible: &[FlexibleBody]) -> ModelDigest {
     ModelDigest(digest.finalize().into())
 }
 
-fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
+/// Checks what vibrates of a file, and that alone; errors have their place in `source`.
+pub(super) fn structure(file: &MachineFile, source: Source) -> Result<Structure, MachineError> {
+    match check_structure(file, &source) {
+        Ok(structure) => Ok(Structure {
+            source,
+            ..structure
+        }),
+        Err(error) => Err(source.locate(error)),
+    }
+}
+
+fn check_structure(file: &MachineFile, source: &Source) -> Checked<Structure> {
     if file.format != 1 {
         return Err(EntryError::new(
             "format",
@@ -87,16 +101,35 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         ));
     }
     check_name(&file.name)?;
-    limits::check(&file)?;
-    let nodes = nodes(&file)?;
-    let bodies = bodies(&file)?;
-    let flexible = flexible(&file, &nodes, source)?;
-    let beams = beams(&file, &nodes)?;
-    let springs = springs(&file, &nodes)?;
-    let point_masses = point_masses(&file, &nodes)?;
+    limits::check(file)?;
+    let nodes = nodes(file)?;
+    let bodies = bodies(file)?;
+    let flexible = flexible(file, &nodes, source)?;
+    let beams = beams(file, &nodes)?;
+    let springs = springs(file, &nodes)?;
+    let point_masses = point_masses(file, &nodes)?;
     check_nodes(&nodes, &beams, &springs)?;
-    let damping = damping(&file.damping, &beams, &springs, &flexible)?;
-    let names = Names { nodes, beams };
+    Ok(Structure {
+        name: file.name.clone(),
+        damping: damping(&file.damping, &beams, &springs, &flexible)?,
+        nodes,
+        bodies,
+        flexible,
+        beams,
+        springs,
+        point_masses,
+        gravity: finite3("gravity", &file.gravity, ", in m/s²")?,
+        source: Source::default(),
+    })
+}
+
+fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
+    let structure = check_structure(&file, source)?;
+    let bodies = &structure.bodies;
+    let names = Names {
+        nodes: &structure.nodes,
+        beams: &structure.beams,
+    };
 
     let coordinates =
         names.deformations("coordinates.deformations", &file.coordinates.deformations)?;
@@ -218,7 +251,7 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     let shapes = shapes(&file.control, board.sample_rate)?;
     supervision(&file.supervision, board.sample_rate)?;
     simulation(&file.simulation, board.sample_rate)?;
-    let robustness = robustness(&file.robustness, &bodies, &names, &actuators)?;
+    let robustness = robustness(&file.robustness, bodies, &names, &actuators)?;
 
     if !file.provenance.is_empty() {
         // Numbers were checked, so this does not fail.
@@ -235,14 +268,8 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     }
 
     Ok(Machine {
-        name: file.name.clone(),
-        nodes: names.nodes,
-        bodies,
-        digest: digest(&file, &flexible),
-        flexible,
-        beams: names.beams,
-        springs,
-        point_masses,
+        digest: digest(&file, &structure.flexible),
+        structure,
         coordinates,
         actuators,
         accelerometers,
@@ -253,8 +280,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         performance,
         bands,
         exposure,
-        gravity: finite3("gravity", &file.gravity, ", in m/s²")?,
-        damping,
         target,
         shapes,
         board,
@@ -264,7 +289,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         gain_errors: GainErrors::default(),
         provenance: file.provenance.clone(),
         description: file,
-        source: Source::default(),
     })
 }
 
@@ -1132,12 +1156,12 @@ fn node_index<'a>(
 }
 
 /// What the rest of the file refers to.
-struct Names {
-    nodes: Vec<Node>,
-    beams: Vec<Beam>,
+struct Names<'a> {
+    nodes: &'a [Node],
+    beams: &'a [Beam],
 }
 
-impl Names {
+impl Names<'_> {
     fn beam(&self, entry: &str, name: &str) -> Checked<usize> {
         let known = self.beams.iter().map(|beam| beam.name.as_str());
         find(entry, "beam", name, known, "add it under [beams]")
@@ -1200,7 +1224,7 @@ impl Names {
                 }
                 Ok(Direction {
                     name: name.clone(),
-                    node: node_index(&format!("{entry}.node"), names(&self.nodes), &spec.node)?,
+                    node: node_index(&format!("{entry}.node"), names(self.nodes), &spec.node)?,
                     direction: direction / norm,
                 })
             })

@@ -6,8 +6,9 @@ use serde::Serialize;
 use super::beam::beam_mass;
 use super::design_model::alike;
 use super::layout::Point;
-use super::multibody::{Modes, Multibody, Part};
-use crate::machine::{Carrier, Machine};
+use super::multibody::Multibody;
+use super::structure::{Modes, Part, StructureModel};
+use crate::machine::{Carrier, Machine, Structure};
 use crate::numeric::six::to_dynamic;
 
 /// The share of one beam or body in the energy of a mode.
@@ -60,11 +61,21 @@ pub struct Energies {
 ///
 /// Strain energy is elastic: it does not contain the geometric part that gravity adds.
 pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Energies> {
+    of_structure(machine, &machine.actuators, model, modes)
+}
+
+/// The same of a structure, with the `legs` that have actuators, by index of the beam.
+pub fn of_structure(
+    machine: &Structure,
+    legs: &[usize],
+    model: &StructureModel,
+    modes: &Modes,
+) -> Vec<Energies> {
     let groups = alike(modes.squares.as_slice()).into_iter();
     groups
         .flat_map(|group| {
             let shapes = modes.shapes.columns_range(group.clone()).into_owned();
-            let energies = of_group(machine, model, &shapes);
+            let energies = of_group(machine, legs, model, &shapes);
             group.map(move |_| energies.clone())
         })
         .collect()
@@ -72,14 +83,19 @@ pub fn energies(machine: &Machine, model: &Multibody, modes: &Modes) -> Vec<Ener
 
 /// The mean energies of modes with equal frequencies. `shapes` are the mass-normalised mode shapes
 /// as columns.
-fn of_group(machine: &Machine, model: &Multibody, shapes: &DMatrix<f64>) -> Energies {
+fn of_group(
+    machine: &Structure,
+    legs: &[usize],
+    model: &StructureModel,
+    shapes: &DMatrix<f64>,
+) -> Energies {
     let strain = Part::all(machine).enumerate().map(|(i, part)| {
         let on_base = |ends: [usize; 2]| {
             let base = |end: usize| machine.nodes[end].carrier == Carrier::Base;
             ends.into_iter().any(base)
         };
         let suspends = match part {
-            Part::Beam(beam) => machine.actuators.contains(&i) || on_base(beam.ends),
+            Part::Beam(beam) => legs.contains(&i) || on_base(beam.ends),
             Part::Flexible(_) => false,
             Part::Spring(spring) => on_base(spring.ends),
         };

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6, Matrix6xX, MatrixXx6};
 
-use crate::machine::{FlexibleBody, Machine};
+use crate::machine::{FlexibleBody, Structure};
 use crate::numeric::motion::rigid_motions;
 use crate::numeric::unit_diagonal::{scaled, to_ones};
 
@@ -43,7 +43,7 @@ impl Elastic {
     ///
     /// Modes are found by their 1/ω², of which one of a coordinate without mass has none: with the
     /// motions X without their rigid part, XᵀMX = V·ω⁻²·Vᵀ and D = Bᵀ·V·2ζω⁻¹·Vᵀ·B.
-    pub(super) fn modal_damping(&self, machine: &Machine, body: &FlexibleBody) -> DMatrix<f64> {
+    pub(super) fn modal_damping(&self, machine: &Structure, body: &FlexibleBody) -> DMatrix<f64> {
         let (rigid, mean) = mean_motion(machine, body);
         let elastic = &self.motions - rigid * (mean * &self.motions);
         let eigen = (elastic.transpose() * &body.mass * elastic).symmetric_eigen();
@@ -57,7 +57,7 @@ impl Elastic {
 
 /// The rigid motions R of a flexible body about its centre of gravity, as columns, and the rigid
 /// motion with the same momentum, 6 rows, from the motion in the coordinates of its matrices.
-fn mean_motion(machine: &Machine, body: &FlexibleBody) -> (MatrixXx6<f64>, Matrix6xX<f64>) {
+fn mean_motion(machine: &Structure, body: &FlexibleBody) -> (MatrixXx6<f64>, Matrix6xX<f64>) {
     let at = body.nodes.iter().map(|&node| machine.nodes[node].at);
     let at: Vec<_> = at.collect();
     let rigid = rigid_motions(&at, &body.cog, body.mass.nrows());
@@ -72,7 +72,7 @@ fn mean_motion(machine: &Machine, body: &FlexibleBody) -> (MatrixXx6<f64>, Matri
 
 /// The mean rotation of a flexible body about its centre of gravity, rad, 3 rows, from the motion in
 /// the coordinates of its matrices: that of the rigid motion with the same momentum.
-pub(super) fn mean_rotation(machine: &Machine, body: &FlexibleBody) -> Matrix3xX<f64> {
+pub(super) fn mean_rotation(machine: &Structure, body: &FlexibleBody) -> Matrix3xX<f64> {
     let (_, mean) = mean_motion(machine, body);
     mean.fixed_rows::<3>(3).into_owned()
 }

@@ -23,7 +23,7 @@ use super::beam::{
 use super::flexible::mean_rotation;
 use super::layout::{Follow, Layout, Owner, Point};
 use super::spring;
-use crate::machine::{Beam, Carrier, Machine};
+use crate::machine::{Beam, Carrier, Structure};
 
 /// Static loads under gravity and their geometric stiffness.
 #[derive(Clone, Debug, Default)]
@@ -69,7 +69,7 @@ impl Statics {
     ///
     /// Each element of a beam is loaded by its own deformation. Its weight acts on its ends, as
     /// in [`Multibody`](super::multibody::Multibody).
-    pub(crate) fn new(machine: &Machine, layout: &Layout, sag: &DVector<f64>) -> Self {
+    pub(crate) fn new(machine: &Structure, layout: &Layout, sag: &DVector<f64>) -> Self {
         let size = sag.len();
         let mut geometric = DMatrix::zeros(size, size);
         let mut axial = Vec::new();

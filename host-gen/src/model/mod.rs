@@ -11,4 +11,5 @@ mod inertia;
 pub(crate) mod layout;
 pub mod multibody;
 mod spring;
+pub mod structure;
 pub mod template;
