@@ -160,7 +160,7 @@ pub struct MachineFile {
     /// Nodes that neither a body nor the base carries.
     #[serde(default, skip_serializing_if = "FreeEntry::is_empty")]
     pub free: FreeEntry,
-    /// Rigid bodies by name, at least one unless there are flexible ones.
+    /// Rigid bodies by name. At least one unless something else has mass.
     #[serde(default)]
     pub bodies: IndexMap<String, BodyEntry>,
     /// Flexible bodies by name, from finite elements.
@@ -170,6 +170,7 @@ pub struct MachineFile {
     #[serde(default)]
     pub profiles: IndexMap<String, ProfileEntry>,
     /// Beams by name, between two nodes each.
+    #[serde(default)]
     pub beams: IndexMap<String, BeamEntry>,
     /// Springs of no length and joints by name, between two nodes each.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]

@@ -12,15 +12,35 @@ use serde_json::{Value, json};
 use super::file::MachineFile;
 use super::parts;
 
+/// The tables that a file without control does not have.
+pub(super) const CONTROL: [&str; 7] = [
+    "coordinates",
+    "actuators",
+    "sensors",
+    "floor",
+    "performance",
+    "control",
+    "board",
+];
+
 /// The JSON Schema of machine files, as text.
 ///
 /// A file that is based on another may leave out any key. Any other file must have every
-/// key that has no default.
+/// key that has no default, or none of those of control.
 pub fn schema() -> String {
     let mut whole = file_schema("/$defs/whole/$defs");
     let definitions = whole.pointer_mut("/$defs/whole/$defs").map(Value::take);
     whole.insert("$defs".to_owned(), definitions.into());
     whole.remove("$schema");
+    // A file has either all of these or none: without control it is for `modes` alone.
+    let of_control = |key: &Value| CONTROL.iter().any(|own| key == own);
+    if let Some(Value::Array(required)) = whole.get_mut("required") {
+        required.retain(|key| !of_control(key));
+    }
+    let others = |key: &&str| CONTROL.into_iter().filter(|other| other != key).collect();
+    let all = CONTROL.iter().map(|key| ((*key).to_owned(), others(key)));
+    let all: serde_json::Map<String, Value> = all.collect();
+    whole.insert("dependentRequired".to_owned(), all.into());
 
     let mut part = file_schema("/$defs");
     let mut optional = RecursiveTransform(|schema: &mut Schema| {
@@ -111,7 +131,9 @@ pub(super) fn summary<'a>(path: impl Iterator<Item = Option<&'a str>>) -> Option
         description = here.get("description").or(description);
     }
     let text = description?.as_str()?.replace('\n', " ");
-    let end = text.find(". ").unwrap_or(text.len());
+    let mut stops = text.match_indices(". ").map(|(i, _)| i);
+    let end = stops.find(|&i| !text[..i].ends_with("Eq"));
+    let end = end.unwrap_or(text.len());
     Some(text[..end].trim_end_matches('.').to_owned())
 }
 

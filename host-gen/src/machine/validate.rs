@@ -450,7 +450,16 @@ fn flexible(file: &MachineFile, nodes: &[Node], source: &Source) -> Checked<Vec<
 }
 
 fn bodies(file: &MachineFile) -> Checked<Vec<Body>> {
-    if file.bodies.is_empty() && file.flexible_bodies.is_empty() {
+    let own = file
+        .beams
+        .values()
+        .filter_map(|beam| beam.stiffness.as_ref());
+    let mut sets = file.profiles.values().chain(own);
+    if file.bodies.is_empty()
+        && file.flexible_bodies.is_empty()
+        && file.point_masses.is_empty()
+        && !sets.any(|set| set.density.is_some() || set.mass.is_some())
+    {
         return Err(EntryError::new("bodies", "there must be at least one body"));
     }
     file.bodies

@@ -1,4 +1,4 @@
-//! The linear multibody model: rigid bodies and Euler–Bernoulli beams on a moving base.
+//! The linear multibody model: bodies, Euler–Bernoulli beams and springs on a moving base.
 //!
 //! The N coordinates x are relative to a frame that moves with the base. In this order:
 //!
@@ -8,8 +8,7 @@
 //! - the modal coordinates of flexible bodies.
 //!
 //! The base motion b is the translation of its point at C, m, and its rotation, rad. C is the mean
-//! position of the nodes.
-//! The absolute motion of the machine is x + Φ·b, and deformations depend on x alone. So Eq. (1)
+//! position of the nodes. The absolute motion of the machine is x + Φ·b, and deformations depend on x alone. So Eq. (1)
 //! becomes
 //!
 //! ```text

@@ -22,7 +22,8 @@ use crate::machine::{
 use crate::numeric::eigen::factored_eigen;
 use crate::numeric::motion::transport;
 
-/// The linear model of a structure with N coordinates, Eq. (1), as [`super::multibody`] says.
+/// The linear model of a structure with N coordinates, Eq. (1) without leg forces;
+/// [`super::multibody`] says which coordinates.
 #[derive(Clone, Debug)]
 pub struct StructureModel {
     /// M of Eq. (1), N×N, kg, kg m and kg m².
@@ -32,7 +33,8 @@ pub struct StructureModel {
     pub stiffness: DMatrix<f64>,
     /// Static loads under gravity and their geometric stiffness; empty without gravity.
     pub statics: Statics,
-    /// Dampers along beams and in springs, and modal damping of flexible bodies, N×N, N s/m, N s and N m s.
+    /// Dampers along beams and in springs, and modal damping of flexible bodies, N×N, N s/m, N s and
+    /// N m s.
     dampers: DMatrix<f64>,
     /// Σ η·K over the beams, flexible bodies and springs with loss factor η, N×N.
     losses: DMatrix<f64>,
@@ -68,7 +70,7 @@ pub struct Modes {
     pub squares: DVector<f64>,
     /// V, N rows: mode shapes as columns, with VᵀMV = 1.
     pub shapes: DMatrix<f64>,
-    /// Δ = VᵀDV, 1/s. Diagonal unless there are dampers along beams.
+    /// Δ = VᵀDV, 1/s. Diagonal unless there are dampers, or flexible bodies with modal damping.
     pub damping: DMatrix<f64>,
 }
 
@@ -182,11 +184,8 @@ impl StructureModel {
         let mut factor = DMatrix::zeros(6 * elements + elastic + 6 * springs, size);
         let mut negative = DMatrix::zeros(6 * springs, size);
         let mut rows = Vec::new();
-        let beams = 0..machine.beams.len();
-        let whole = beams.map(|i| deformations(&machine.beams[i], &layout.ends(machine, i), size));
-        let whole: Vec<_> = whole.collect();
         let mut next = 0;
-        for ((beam, points), whole) in machine.beams.iter().zip(&along).zip(&whole) {
+        for (i, (beam, points)) in machine.beams.iter().zip(&along).enumerate() {
             let first = next;
             for (part, ends) in beam.elements().zip(points.windows(2)) {
                 let deformed = deformations(&part, ends, size);
@@ -214,6 +213,7 @@ impl StructureModel {
                 }
             }
             rows.push(first..next);
+            let whole = deformations(beam, &layout.ends(machine, i), size);
             dampers += beam.damper * whole.row(0).transpose() * whole.row(0);
         }
         for (i, body) in machine.flexible.iter().enumerate() {

@@ -17,6 +17,7 @@ mod odd_machines;
 mod other_machines;
 mod outline;
 mod parts;
+mod passive_machines;
 mod records;
 mod report;
 mod robustness;

@@ -133,12 +133,14 @@ impl Display for ModeAnalysis {
         } else {
             self.write_side_by_side(f)?;
         }
-        write!(f, "  Design model ({}), Hz:", self.reduction)?;
-        for hz in self.rigid_modes_hz {
-            let decimals = if hz < 1e4 { 3 } else { 0 };
-            write!(f, " {hz:.decimals$}")?;
+        if let Some(control) = &self.control {
+            write!(f, "  Design model ({}), Hz:", control.reduction)?;
+            for hz in control.rigid_modes_hz {
+                let decimals = if hz < 1e4 { 3 } else { 0 };
+                write!(f, " {hz:.decimals$}")?;
+            }
+            writeln!(f)?;
         }
-        writeln!(f)?;
         if !self.leg_loads.is_empty() {
             let head = cells(["Under gravity", "axial force, N", "buckling load, N", ""]);
             let rows = self.leg_loads.iter().map(|load| {
