@@ -554,6 +554,7 @@ const MACHINES: [&str; 4] = [
     "models/low-parasitic.toml",
     "models/smaller-basis.toml",
     "tests/external/skew.toml",
+    "tests/external/springs.toml",
 ];
 
 fn exudyn() -> Outcome<()> {

@@ -66,6 +66,10 @@ pub fn warnings(study: &Study) -> Vec<String> {
                 "with the sensor outputs held at zero, the machine is unstable under gravity: see host-gen zeros"
                     .to_owned(),
             ),
+            Ok(Some(Growth::Springs)) => warnings.push(
+                "with the sensor outputs held at zero, the machine is unstable by its springs of negative stiffness: see host-gen zeros"
+                    .to_owned(),
+            ),
             Ok(Some(Growth::Placement)) => warnings.push(
                 "from leg forces to sensors there is an unstable zero, which limits the gain: see host-gen zeros"
                     .to_owned(),
