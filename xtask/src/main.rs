@@ -558,8 +558,8 @@ const MACHINES: [&str; 4] = [
 ];
 
 fn exudyn() -> Outcome<()> {
-    if !python_has("exudyn, numpy") {
-        return Err("no python3 with Exudyn here; pip install exudyn numpy".to_owned());
+    if !python_has("exudyn, numpy, scipy") {
+        return Err("no python3 with Exudyn here; pip install exudyn numpy scipy".to_owned());
     }
     for machine in MACHINES {
         println!("{machine}");
