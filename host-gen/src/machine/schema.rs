@@ -2,6 +2,7 @@
 //!
 //! It comes from [`super::file`], so it has the same keys and texts.
 
+use core::slice;
 use std::collections::VecDeque;
 
 use schemars::Schema;
@@ -163,7 +164,7 @@ pub(super) fn missing(file: &toml::Table) -> Vec<Vec<String>> {
             let own = here["properties"].get(key);
             let of_key = own.or_else(|| here.get("additionalProperties"));
             if let (Some(of_key), Some(table)) = (of_key, value.as_table()) {
-                next.push_back((of_key, table, [&path[..], &[key.clone()]].concat()));
+                next.push_back((of_key, table, [&path[..], slice::from_ref(key)].concat()));
             }
         }
     }
