@@ -24,6 +24,7 @@ from exudyn.utilities import (
     NodeRigidBodyRotVecLG,
     ObjectGround,
     RigidBodyInertia,
+    RigidBodySpringDamper,
     RotationMatrix2RotationVector,
 )
 
@@ -46,9 +47,9 @@ def merge(base, change):
     return base
 
 
-def frame_of(start, end, y):
-    """Rotation matrix of a beam with x along it, as docs/machine-file.md has it."""
-    x = (end - start) / np.linalg.norm(end - start)
+def frame_of(x, y):
+    """Rotation matrix with x along a beam or as given, as docs/machine-file.md has it."""
+    x = np.array(x, float) / np.linalg.norm(x)
     if y is None:
         up = np.array([0.0, 0.0, 1.0])
         y = np.cross(up, x)
@@ -62,34 +63,61 @@ def frame_of(start, end, y):
 def hertz(machine):
     system = exu.SystemContainer().AddSystem()
     nodes = {name: np.array(at, float) for name, at in machine["nodes"].items()}
-    markers = {}
+    # What each node moves with: a rigid body of Exudyn's, and where that is.
+    carriers = {}
+
+    def marker(name, at, turn=np.eye(3)):
+        """A place with axes that moves with a node."""
+        body, reference = carriers[name]
+        place = exu.HT(rotation=turn, translation=at - reference)
+        return system.AddMarker(MarkerBodyRigid(bodyNumber=body, localHT=place))
+
+    def rigid(mass, inertia, at):
+        inertia = np.array(inertia, float)
+        if inertia.ndim == 1 and len(inertia) == 3:
+            inertia = np.diag(inertia)
+        whole = RigidBodyInertia(mass=mass, com=np.zeros(3), inertiaTensor=inertia)
+        return system.CreateRigidBody(referencePosition=at, inertia=whole)
 
     ground = system.AddObject(ObjectGround())
     for name in machine["base"]["nodes"]:
-        markers[name] = system.AddMarker(
-            MarkerBodyRigid(bodyNumber=ground, localPosition=nodes[name])
-        )
+        carriers[name] = (ground, np.zeros(3))
     for body in machine["bodies"].values():
-        inertia = np.array(body["inertia"], float)
-        if inertia.ndim == 1 and len(inertia) == 3:
-            inertia = np.diag(inertia)
         cog = np.array(body["cog"], float)
-        made = system.CreateRigidBody(
-            referencePosition=cog,
-            inertia=RigidBodyInertia(
-                mass=body["mass"], com=np.zeros(3), inertiaTensor=inertia
-            ),
-        )
+        made = rigid(body["mass"], body["inertia"], cog)
         for name in body["nodes"]:
-            markers[name] = system.AddMarker(
-                MarkerBodyRigid(bodyNumber=made, localPosition=nodes[name] - cog)
+            carriers[name] = (made, cog)
+    for point in machine.get("point_masses", {}).values():
+        at = nodes[point["node"]]
+        made = rigid(point["mass"], point["inertia"], at)
+        own = system.AddMarker(MarkerBodyRigid(bodyNumber=made, localPosition=np.zeros(3)))
+        if point["node"] in carriers:
+            joined = [marker(point["node"], at), own]
+            system.AddObject(GenericJoint(markerNumbers=joined))
+        else:
+            carriers[point["node"]] = (made, at)
+    for spring in machine.get("springs", {}).values():
+        ends = spring["nodes"]
+        middle = sum(nodes[name] for name in ends) / 2
+        turn = frame_of(spring.get("x_axis", [1, 0, 0]), spring.get("y_axis"))
+        none = [0, 0, 0]
+        stiffness = spring.get("stiffness", none) + spring.get("rotational_stiffness", none)
+        system.AddObject(
+            RigidBodySpringDamper(
+                markerNumbers=[marker(name, middle, turn) for name in ends],
+                stiffness=np.diag(stiffness),
+                damping=np.zeros((6, 6)),
             )
-    for beam in machine["beams"].values():
+        )
+    for name, beam in machine["beams"].items():
+        if "joints" in beam:
+            # What a joint releases has no mass in Exudyn, whose solver needs some.
+            sys.exit(f"beam {name} has joints, which this comparison does not know")
         profile = beam.get("stiffness") or machine["profiles"][beam["profile"]]
         ends = beam["nodes"]
         start, end = (nodes[name] for name in ends)
         length = np.linalg.norm(end - start)
-        turn = frame_of(start, end, beam.get("y_axis"))
+        turn = frame_of(end - start, beam.get("y_axis"))
         vector = list(RotationMatrix2RotationVector(turn))
         section = exu.BeamSection()
         about_y, about_z = (length * x for x in profile["bending"])
@@ -105,11 +133,9 @@ def hertz(machine):
         ]
         system.AddObject(Beam3D(nodeNumbers=made, length=length, sectionData=section))
         for node, name in zip(made, ends):
-            turned_back = exu.HT(rotation=turn.T, translation=np.zeros(3))
-            marker = system.AddMarker(
-                MarkerNodeRigid(nodeNumber=node, localHT=turned_back)
-            )
-            system.AddObject(GenericJoint(markerNumbers=[markers[name], marker]))
+            own = system.AddMarker(MarkerNodeRigid(nodeNumber=node))
+            joined = [marker(name, nodes[name], turn), own]
+            system.AddObject(GenericJoint(markerNumbers=joined))
     system.Assemble()
     squares, _ = system.ComputeODE2Eigenvalues()
     return np.sort(np.sqrt(np.abs(squares)) / (2 * np.pi))

@@ -566,16 +566,17 @@ fn speed() -> Outcome<()> {
 }
 
 /// The models, and a machine with nothing alike.
-const MACHINES: [&str; 4] = [
+const MACHINES: [&str; 5] = [
     MODEL,
     "models/low-parasitic.toml",
     "models/smaller-basis.toml",
     "tests/external/skew.toml",
+    "tests/external/springs.toml",
 ];
 
 fn exudyn() -> Outcome<()> {
-    if !python_has("exudyn, numpy") {
-        return Err("no python3 with Exudyn here; pip install exudyn numpy".to_owned());
+    if !python_has("exudyn, numpy, scipy") {
+        return Err("no python3 with Exudyn here; pip install exudyn numpy scipy".to_owned());
     }
     for machine in MACHINES {
         println!("{machine}");

@@ -4,6 +4,7 @@ use host_gen::analysis::gains::GainAnalysis;
 use host_gen::analysis::modes::ModeAnalysis;
 use host_gen::analysis::warnings::warnings;
 use host_gen::analysis::zeros::ZeroAnalysis;
+use host_gen::machine::Structure;
 
 use crate::arguments::Common;
 use crate::failure::{Failure, in_loop, in_study};
@@ -11,6 +12,9 @@ use crate::print;
 use crate::search::study;
 
 pub fn modes(Common { model, format }: &Common) -> Result<(), Failure> {
+    if let Some(passive) = Structure::load_passive(model)? {
+        return print::warned(*format, &ModeAnalysis::passive(&passive)?, &[]);
+    }
     let study = study(model)?;
     print::warned(*format, &ModeAnalysis::new(&study), &warnings(&study))
 }

@@ -679,3 +679,26 @@ fn help_and_completions_know_every_command() {
         assert!(help.contains(example), "{command}: {help}");
     }
 }
+
+/// A mass on springs, 100 Hz along x; for a report, control is missing.
+#[test]
+fn modes_need_no_control() {
+    let folder = tempfile::tempdir().unwrap();
+    let stiffness = 2.0 * (core::f64::consts::TAU * 100.0).powi(2);
+    let file = format!(
+        "format = 1\nname = \"mass\"\n[nodes]\nwall = [0.0, 0.0, 0.0]\nlump = [0.0, 0.0, 0.0]\n[base]\nnodes = [\"wall\"]\n[free]\nnodes = [\"lump\"]\n[point_masses.weight]\nnode = \"lump\"\nmass = 2.0\n[springs.mount]\nnodes = [\"wall\", \"lump\"]\nstiffness = [{stiffness:?}, 1e7, 1e7]\nrotational_stiffness = [1e4, 1e4, 1e4]\n"
+    );
+    fs::write(folder.path().join("mass.toml"), file).unwrap();
+    let output = host_gen(&["modes", "mass.toml"], folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let shown = text(&output.stdout);
+    assert!(shown.starts_with("Modes of mass"), "{shown}");
+    assert!(
+        shown.contains("  1   100.000  suspension     2.0"),
+        "{shown}"
+    );
+    let output = host_gen(&["report", "mass.toml"], folder.path());
+    assert_eq!(output.status.code(), Some(1));
+    let error = text(&output.stderr);
+    assert!(error.contains("missing keys `coordinates`"), "{error}");
+}

@@ -4,26 +4,35 @@ use serde::Serialize;
 
 use super::{Rows, rows};
 use crate::design::Study;
-use crate::model::energy::{Energies, energies};
+use crate::machine::{MachineError, Structure};
+use crate::model::energy::{Energies, energies, of_structure};
 use crate::model::gravity::buckling_load;
 use crate::model::independence::reach;
+use crate::model::structure::{Modes, StructureModel};
 
 /// Result of `host-gen modes`: modes with shapes and energies, static loads of the legs,
-/// and the equation of motion.
+/// and, of a machine with control, the equation of motion.
 #[derive(Debug, Serialize)]
 pub struct ModeAnalysis {
     pub(crate) machine: String,
-    model_sha256: String,
     pub(crate) modes: Vec<ModeEntry>,
+    /// Static loads of the legs; empty without gravity.
+    pub(crate) leg_loads: Vec<LegLoad>,
+    #[serde(flatten)]
+    pub(crate) control: Option<ControlModes>,
+    #[serde(skip)]
+    pub(crate) reach: f64,
+}
+
+/// What only a machine with control has.
+#[derive(Debug, Serialize)]
+pub(crate) struct ControlModes {
+    model_sha256: String,
     /// How the design model was reduced, in words.
     pub(crate) reduction: &'static str,
     pub(crate) rigid_modes_hz: [f64; 6],
-    /// Static loads of the legs; empty without gravity.
-    pub(crate) leg_loads: Vec<LegLoad>,
     pub(crate) coordinates: Vec<String>,
     pub(crate) equation_of_motion: EquationMatrices,
-    #[serde(skip)]
-    pub(crate) reach: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -36,7 +45,9 @@ pub(crate) struct ModeEntry {
     /// `BEAM[1]` the first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) nodes: Vec<NodeMotion>,
-    /// The mode shape in the degrees of freedom q_d, mass-normalised, m and rad.
+    /// The mode shape in the degrees of freedom q_d, mass-normalised, m and rad; empty without
+    /// control.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) deformations: Vec<f64>,
     #[serde(flatten)]
     pub(crate) energies: Energies,
@@ -75,69 +86,20 @@ pub(crate) struct EquationMatrices {
 impl ModeAnalysis {
     /// The modes of `study`.
     pub fn new(study: &Study) -> Self {
-        let machine = study.machine();
-        let modes = study.model().modes();
-        let equation = study.model().equation_of_motion();
-        let deformations = &study.model().coordinates * &modes.shapes;
-        Self {
-            machine: machine.name.clone(),
+        let (machine, model) = (study.machine(), study.model());
+        let modes = model.modes();
+        let energies = energies(machine, model, &modes);
+        let mut analysis = Self::of(machine, model, &modes, energies);
+        let deformations = &model.coordinates * &modes.shapes;
+        for (mode, shape) in analysis.modes.iter_mut().zip(deformations.column_iter()) {
+            mode.deformations = shape.iter().copied().collect();
+        }
+        let equation = model.equation_of_motion();
+        analysis.control = Some(ControlModes {
             model_sha256: machine.digest.to_string(),
-            modes: modes
-                .hertz()
-                .into_iter()
-                .zip(energies(machine, study.model(), &modes))
-                .enumerate()
-                .map(|(i, (hz, energies))| ModeEntry {
-                    energies,
-                    hz,
-                    shape: machine
-                        .bodies
-                        .iter()
-                        .enumerate()
-                        .map(|(b, body)| BodyMotion {
-                            body: body.name.clone(),
-                            motion: modes
-                                .shapes
-                                .column(i)
-                                .rows(6 * b, 6)
-                                .iter()
-                                .copied()
-                                .collect(),
-                        })
-                        .collect(),
-                    nodes: study
-                        .model()
-                        .owners()
-                        .iter()
-                        .enumerate()
-                        .skip(machine.bodies.len())
-                        .map(|(six, owner)| NodeMotion {
-                            node: owner.name(machine),
-                            motion: modes
-                                .shapes
-                                .column(i)
-                                .rows(6 * six, 6)
-                                .iter()
-                                .copied()
-                                .collect(),
-                        })
-                        .collect(),
-                    deformations: deformations.column(i).iter().copied().collect(),
-                })
-                .collect(),
             reduction: study.design_model().suspension.reduction.words(),
             rigid_modes_hz: study.design_model().hertz(),
-            leg_loads: machine
-                .beams
-                .iter()
-                .zip(&study.model().statics.axial)
-                .map(|(beam, &axial_force)| LegLoad {
-                    beam: beam.name.clone(),
-                    axial_force,
-                    buckling_load: buckling_load(beam),
-                })
-                .collect(),
-            coordinates: study.model().coordinate_names(machine),
+            coordinates: model.coordinate_names(machine),
             equation_of_motion: EquationMatrices {
                 mass: rows(&equation.mass),
                 damping: rows(&equation.damping),
@@ -145,7 +107,71 @@ impl ModeAnalysis {
                 rheonomic: rows(&equation.rheonomic),
                 input: rows(&equation.input),
             },
-            reach: reach(machine),
+        });
+        analysis
+    }
+
+    /// The modes of a machine without control.
+    ///
+    /// # Errors
+    /// [`MachineError`] as [`StructureModel::new`].
+    pub fn passive(structure: &Structure) -> Result<Self, MachineError> {
+        let model = StructureModel::new(structure)?;
+        let modes = model.modes();
+        let energies = of_structure(structure, &[], &model, &modes);
+        Ok(Self::of(structure, &model, &modes, energies))
+    }
+
+    fn of(
+        structure: &Structure,
+        model: &StructureModel,
+        modes: &Modes,
+        energies: Vec<Energies>,
+    ) -> Self {
+        let motion = |i: usize, six: usize| {
+            let motion = modes.shapes.column(i);
+            motion.rows(6 * six, 6).iter().copied().collect()
+        };
+        let entries = modes.hertz().into_iter().zip(energies).enumerate();
+        let entries = entries.map(|(i, (hz, energies))| ModeEntry {
+            energies,
+            hz,
+            shape: structure
+                .bodies
+                .iter()
+                .enumerate()
+                .map(|(b, body)| BodyMotion {
+                    body: body.name.clone(),
+                    motion: motion(i, b),
+                })
+                .collect(),
+            nodes: model
+                .owners()
+                .iter()
+                .enumerate()
+                .skip(structure.bodies.len())
+                .map(|(six, owner)| NodeMotion {
+                    node: owner.name(structure),
+                    motion: motion(i, six),
+                })
+                .collect(),
+            deformations: Vec::new(),
+        });
+        Self {
+            machine: structure.name.clone(),
+            modes: entries.collect(),
+            leg_loads: structure
+                .beams
+                .iter()
+                .zip(&model.statics.axial)
+                .map(|(beam, &axial_force)| LegLoad {
+                    beam: beam.name.clone(),
+                    axial_force,
+                    buckling_load: buckling_load(beam),
+                })
+                .collect(),
+            control: None,
+            reach: reach(structure),
         }
     }
 }

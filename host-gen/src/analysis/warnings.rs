@@ -56,7 +56,7 @@ pub fn warnings(study: &Study) -> Vec<String> {
     }
     if let Some(hz) = study.falls() {
         warnings.push(format!(
-            "the machine falls under its own weight: a mode grows at {hz:.3} Hz"
+            "the machine does not stand: a mode grows at {hz:.3} Hz"
         ));
     }
     if study.design_model().feedback != FeedbackKind::Both {
@@ -65,6 +65,10 @@ pub fn warnings(study: &Study) -> Vec<String> {
             Err(error) => warnings.push(format!("no transmission zeros are known: {error}")),
             Ok(Some(Growth::Weight)) => warnings.push(
                 "with the sensor outputs held at zero, the machine is unstable under gravity: see host-gen zeros"
+                    .to_owned(),
+            ),
+            Ok(Some(Growth::Springs)) => warnings.push(
+                "with the sensor outputs held at zero, the machine is unstable by its springs of negative stiffness: see host-gen zeros"
                     .to_owned(),
             ),
             Ok(Some(Growth::Placement)) => warnings.push(

@@ -26,6 +26,8 @@ pub(crate) struct ZerosOfKind {
     pub(crate) unstable: bool,
     /// Whether gravity makes it so.
     pub(crate) by_weight: bool,
+    /// Whether springs of negative stiffness make it unstable.
+    pub(crate) by_springs: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -76,6 +78,7 @@ impl ZerosOfKind {
                 .collect(),
             unstable: growth.is_some(),
             by_weight: growth == Some(Growth::Weight),
+            by_springs: growth == Some(Growth::Springs),
         })
     }
 }

@@ -119,9 +119,9 @@ pub enum DesignError {
         /// Why, and what to change.
         refusal: Refusal,
     },
-    /// The machine is unstable without control: gravity tips it over.
+    /// The machine is unstable without control: gravity or a negative stiffness tips it over.
     #[error(
-        "the machine falls under its own weight: a mode grows at {hz:.3} Hz (host-gen modes), and a controller is designed for a machine that stands. Make the suspension stiffer, lower the centre of gravity, or turn gravity if the machine hangs"
+        "the machine does not stand without control: a mode grows at {hz:.3} Hz (host-gen modes), and a controller is designed for a machine that stands. Make the suspension stiffer, lower the centre of gravity, take away negative stiffness, or turn gravity if the machine hangs"
     )]
     Falls {
         /// Rate of growth of the fastest growing mode over 2π, Hz.

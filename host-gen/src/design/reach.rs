@@ -224,6 +224,9 @@ impl<'a> Reach<'a> {
                 Some(Growth::Weight) => {
                     "; with the sensor outputs held at zero, the machine is unstable under gravity (see host-gen zeros): make the legs stiffer sideways"
                 }
+                Some(Growth::Springs) => {
+                    "; with the sensor outputs held at zero, the machine is unstable by its springs of negative stiffness (see host-gen zeros): make them weaker"
+                }
                 Some(Growth::Placement) => {
                     "; from leg forces to sensors there is an unstable zero (see host-gen zeros): put the sensors nearer to the legs"
                 }

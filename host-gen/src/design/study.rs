@@ -28,7 +28,9 @@ pub struct Study {
 pub enum Growth {
     /// The machine's weight: without gravity, no zero is unstable.
     Weight,
-    /// Where the sensors are: without gravity, a zero is unstable, too.
+    /// Springs of negative stiffness: without gravity and these, no zero is unstable.
+    Springs,
+    /// Where the sensors are: without gravity and negative stiffness, a zero is unstable, too.
     Placement,
 }
 
@@ -105,11 +107,28 @@ impl Study {
         if !grow(zeros) {
             return Ok(None);
         }
-        let mut weightless = self.machine.clone();
-        weightless.gravity = Vector3::zeros();
-        Ok(Some(match Self::new(weightless) {
-            Ok(weightless) if !grow(&weightless.zeros()?) => Growth::Weight,
-            _ => Growth::Placement,
+        let stands = |machine: &Machine| match Self::new(machine.clone()) {
+            Ok(study) => Ok(!grow(&study.zeros()?)),
+            Err(_) => Ok(false),
+        };
+        let mut other = self.machine.clone();
+        other.gravity = Vector3::zeros();
+        if stands(&other)? {
+            return Ok(Some(Growth::Weight));
+        }
+        if !other
+            .springs
+            .iter()
+            .any(|spring| spring.stiffness.min() < 0.0)
+        {
+            return Ok(Some(Growth::Placement));
+        }
+        for spring in &mut other.springs {
+            spring.stiffness.apply(|k| *k = k.max(0.0));
+        }
+        Ok(Some(match stands(&other)? {
+            true => Growth::Springs,
+            false => Growth::Placement,
         }))
     }
 

@@ -1,6 +1,6 @@
-//! The mass of a beam, the elements that it is divided into, and the nodes that beams hold.
+//! The mass of a beam, the elements that it is divided into, and the nodes that are held.
 
-use super::checked::{Beam, Carrier, Node, Stiffness};
+use super::checked::{Beam, Carrier, Node, Spring, Stiffness};
 use super::error::EntryError;
 use super::file::ProfileEntry;
 use super::validate::{Checked, positive};
@@ -82,16 +82,24 @@ pub(super) fn beam_mass(
     })
 }
 
-/// Checks that beams hold every free node, and that there are not too many nodes.
-pub(super) fn check_nodes(nodes: &[Node], beams: &[Beam]) -> Checked<()> {
+/// Checks that beams or springs end on every free node, and that there are not too many nodes.
+pub(super) fn check_nodes(nodes: &[Node], beams: &[Beam], springs: &[Spring]) -> Checked<()> {
+    let mut held = vec![false; nodes.len()];
+    let ends = beams.iter().map(|beam| beam.ends);
+    for end in ends
+        .chain(springs.iter().map(|spring| spring.ends))
+        .flatten()
+    {
+        held[end] = true;
+    }
     let free = |node: &&Node| node.carrier == Carrier::Free;
     for (i, node) in nodes.iter().enumerate() {
-        if free(&node) && !beams.iter().any(|beam| beam.ends.contains(&i)) {
+        if free(&node) && !held[i] {
             return Err(EntryError::new(
                 format!("nodes.{}", node.name),
-                "the node is free, and no beam ends on it",
+                "the node is free, and neither a beam nor a spring ends on it",
             )
-            .fix("remove it, or join it to the machine by beams"));
+            .fix("remove it, or join it to the machine by beams or springs"));
         }
     }
     let inner = beams.iter().map(|beam| beam.segments - 1).sum::<usize>();

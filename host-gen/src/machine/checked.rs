@@ -1,8 +1,9 @@
 //! A machine as checked: names resolved, numbers in range.
 
+use std::ops::{Deref, DerefMut};
 use std::path::Path;
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::LEGS;
@@ -19,9 +20,10 @@ use super::source::Source;
 use crate::floor::Floor;
 use crate::numeric::exposure::Measure;
 
-/// A machine as checked. SI units.
+/// What vibrates: bodies, beams and springs on the base, as checked, with or without control. SI
+/// units.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Machine {
+pub struct Structure {
     /// Name of the machine.
     pub name: String,
     /// All nodes, in the order of the file; other fields refer to them by index.
@@ -32,6 +34,23 @@ pub struct Machine {
     pub flexible: Vec<FlexibleBody>,
     /// Beams, in the order of the file.
     pub beams: Vec<Beam>,
+    /// Springs of no length, in the order of the file.
+    pub springs: Vec<Spring>,
+    /// Point masses, in the order of the file.
+    pub point_masses: Vec<PointMass>,
+    /// Acceleration of gravity, m/s².
+    pub gravity: Vector3<f64>,
+    /// Damping of the machine as a whole.
+    pub damping: Damping,
+    pub(super) source: Source,
+}
+
+/// A machine as checked: its [`Structure`], whose fields it has, with legs, sensors, outputs and
+/// board. SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Machine {
+    /// What vibrates.
+    pub structure: Structure,
     /// Degrees of freedom q_d, Eq. (7): six per body.
     pub coordinates: Vec<Deformation>,
     /// Actuated beams, by index, in channel order.
@@ -52,10 +71,6 @@ pub struct Machine {
     pub bands: Vec<(String, f64, f64)>,
     /// Exposure time of moving averages and deviations, s.
     pub exposure: Option<f64>,
-    /// Acceleration of gravity, m/s².
-    pub gravity: Vector3<f64>,
-    /// Damping of the machine as a whole.
-    pub damping: Damping,
     /// Objectives of the controller.
     pub target: Target,
     /// Shapes of the modal law by mode, slowest mode first, where the file gives them;
@@ -81,7 +96,20 @@ pub struct Machine {
     /// Errors of gains that the controller does not know: zero for the machine of a file.
     pub(crate) gain_errors: GainErrors,
     pub(super) description: MachineFile,
-    pub(super) source: Source,
+}
+
+impl Deref for Machine {
+    type Target = Structure;
+
+    fn deref(&self) -> &Structure {
+        &self.structure
+    }
+}
+
+impl DerefMut for Machine {
+    fn deref_mut(&mut self) -> &mut Structure {
+        &mut self.structure
+    }
 }
 
 /// Relative errors of the gains of sensors and actuators (no unit).
@@ -176,6 +204,8 @@ pub struct FlexibleBody {
     pub stiffness: DMatrix<f64>,
     /// Loss factor of the material (no unit).
     pub loss_factor: f64,
+    /// Damping ratio of each elastic mode of the free body (no unit).
+    pub modal_damping: f64,
     /// Mass, kg.
     pub total: f64,
     /// Position of the centre of gravity, m.
@@ -204,6 +234,9 @@ pub struct Beam {
     pub polar_inertia: f64,
     /// Number of equal elements that the beam is divided into, at least 1.
     pub segments: usize,
+    /// Rotations about the local x, y and z axes that the joints at p and q release. That about x
+    /// is released at one end at most.
+    pub released: [[bool; 3]; 2],
     /// Loss factor of the material (no unit).
     pub loss_factor: f64,
     /// Viscous damper along the beam, N s/m.
@@ -215,9 +248,28 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// One of `parts` equal parts of the beam, as a beam of one element.
+    /// The elements that the beam is divided into, from p to q, each as a beam of one element. The
+    /// first and the last one have its joints.
     ///
     /// Damper and end nodes are those of the whole: they have no part.
+    pub(crate) fn elements(&self) -> impl Iterator<Item = Self> {
+        let last = self.segments - 1;
+        (0..=last).map(move |i| {
+            let mut element = self.part(self.segments);
+            let [p, q] = self.released;
+            if i == 0 {
+                element.released[0] = p;
+            }
+            if i == last {
+                element.released[1] = q;
+            }
+            element
+        })
+    }
+
+    /// One of `parts` equal parts of the beam without its joints, as a beam of one element.
+    ///
+    /// Damper and end nodes are those of the whole, as for [`elements`](Self::elements).
     pub(crate) fn part(&self, parts: usize) -> Self {
         let parts = parts as f64;
         Self {
@@ -230,6 +282,7 @@ impl Beam {
             mass: self.mass / parts,
             polar_inertia: self.polar_inertia / parts,
             segments: 1,
+            released: [[false; 3]; 2],
             ..self.clone()
         }
     }
@@ -244,6 +297,37 @@ pub struct Stiffness {
     pub bending: [f64; 2],
     /// Torsional stiffness GJ/L, N m.
     pub torsion: f64,
+}
+
+/// A spring of no length between two nodes, with its dampers.
+///
+/// It acts at one point, which each of the nodes moves as a rigid arm would. Its six stiffnesses
+/// and dampers are along and about the local x, y and z axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spring {
+    /// Name of the spring.
+    pub name: String,
+    /// Nodes p and q, by index.
+    pub ends: [usize; 2],
+    /// Where it acts, midway between the nodes, m.
+    pub at: Vector3<f64>,
+    /// Local axes x, y and z as rows, unit vectors.
+    pub axes: Matrix3<f64>,
+    /// Stiffnesses, N/m and N m, of either sign.
+    pub stiffness: Vector6<f64>,
+    /// Viscous dampers, N s/m and N m s.
+    pub damper: Vector6<f64>,
+    /// Loss factor of the positive stiffnesses (no unit).
+    pub loss_factor: f64,
+}
+
+/// A mass at a node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointMass {
+    /// The node that it moves with, by index.
+    pub node: usize,
+    /// Its name, mass and inertia; the centre of gravity is the position of the node.
+    pub body: Body,
 }
 
 /// Damping that does not belong to single beams.
@@ -477,6 +561,22 @@ impl Sensor {
     }
 }
 
+impl Structure {
+    /// `error` with its place in this machine's file.
+    pub(crate) fn locate(&self, error: EntryError) -> MachineError {
+        self.source.locate(error)
+    }
+
+    /// Name of a deformation, such as `"leg4.e1"`.
+    pub fn deformation_name(&self, deformation: Deformation) -> String {
+        format!(
+            "{}.e{}",
+            self.beams[deformation.beam].name,
+            deformation.component + 1
+        )
+    }
+}
+
 impl Machine {
     /// The same machine with other sensors fed back; None if it or its board does not have
     /// them.
@@ -522,10 +622,19 @@ impl Machine {
     pub fn search_inputs(&self) -> String {
         // Without `..`: whoever adds a field decides here whether the search reads it.
         let Self {
-            nodes,
-            bodies,
-            flexible,
-            beams,
+            structure:
+                Structure {
+                    nodes,
+                    bodies,
+                    flexible,
+                    beams,
+                    springs,
+                    point_masses,
+                    gravity,
+                    damping,
+                    name: _,
+                    source: _,
+                },
             coordinates,
             actuators,
             accelerometers,
@@ -536,21 +645,17 @@ impl Machine {
             performance,
             bands,
             exposure,
-            gravity,
-            damping,
             target,
             board,
             simulation,
             robustness,
             gain_errors,
-            name: _,
             supervision: _,
             shapes: _,
             uncertainty: _,
             provenance: _,
             digest: _,
             description: _,
-            source: _,
         } = self;
         let shaken = match target.minimise {
             Minimise::Peaks => None,
@@ -564,7 +669,7 @@ impl Machine {
         };
         // Debug prints numbers in the shortest form that reads back to the same bits.
         format!(
-            "{nodes:?} {bodies:?} {flexible:?} {beams:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {gain_errors:?} {shaken:?}"
+            "{nodes:?} {bodies:?} {flexible:?} {beams:?} {springs:?} {point_masses:?} {coordinates:?} {actuators:?} {accelerometers:?} {force_sensors:?} {floor:?} {performance:?} {bands:?} {gravity:?} {damping:?} {target:?} {board:?} {robustness:?} {gain_errors:?} {shaken:?}"
         )
     }
 
@@ -593,7 +698,7 @@ impl Machine {
             }
         }
         for &leg in &machine.actuators {
-            let stiffness = &mut machine.beams[leg].stiffness;
+            let stiffness = &mut machine.structure.beams[leg].stiffness;
             let factor = 1.0 + settings.leg_stiffness * uniform();
             stiffness.axial *= factor;
             stiffness.torsion *= factor;
@@ -604,6 +709,12 @@ impl Machine {
         machine.damping.rayleigh = machine.damping.rayleigh.map(|x| x * more);
         for beam in &mut machine.beams {
             beam.damper *= more;
+        }
+        for spring in &mut machine.springs {
+            spring.damper *= more;
+        }
+        for body in &mut machine.flexible {
+            body.modal_damping *= more;
         }
         for sensor in machine.accelerometers.iter_mut().flatten() {
             // About an axis across it, evenly drawn around.
@@ -625,20 +736,6 @@ impl Machine {
         let latch = &mut machine.board.latch_delay;
         *latch = (*latch + settings.delay * uniform()).max(0.0);
         machine
-    }
-
-    /// `error` with its place in this machine's file.
-    pub(crate) fn locate(&self, error: EntryError) -> MachineError {
-        self.source.locate(error)
-    }
-
-    /// Name of a deformation, such as `"leg4.e1"`.
-    pub fn deformation_name(&self, deformation: Deformation) -> String {
-        format!(
-            "{}.e{}",
-            self.beams[deformation.beam].name,
-            deformation.component + 1
-        )
     }
 
     /// The machine file as data, with all defaults filled in. Change it and

@@ -33,6 +33,8 @@
 //!     flexible_bodies: Default::default(),
 //!     profiles: Default::default(),
 //!     beams: Default::default(),
+//!     springs: Default::default(),
+//!     point_masses: Default::default(),
 //!     coordinates: CoordinatesEntry::default(),
 //!     actuators: ActuatorsEntry::default(),
 //!     sensors: SensorsEntry::default(),
@@ -160,7 +162,7 @@ pub struct MachineFile {
     /// Nodes that neither a body nor the base carries.
     #[serde(default, skip_serializing_if = "FreeEntry::is_empty")]
     pub free: FreeEntry,
-    /// Rigid bodies by name, at least one unless there are flexible ones.
+    /// Rigid bodies by name. At least one unless something else has mass.
     #[serde(default)]
     pub bodies: IndexMap<String, BodyEntry>,
     /// Flexible bodies by name, from finite elements.
@@ -170,7 +172,14 @@ pub struct MachineFile {
     #[serde(default)]
     pub profiles: IndexMap<String, ProfileEntry>,
     /// Beams by name, between two nodes each.
+    #[serde(default)]
     pub beams: IndexMap<String, BeamEntry>,
+    /// Springs of no length and joints by name, between two nodes each.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub springs: IndexMap<String, SpringEntry>,
+    /// Point masses by name, at one node each.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub point_masses: IndexMap<String, PointMassEntry>,
     /// The degrees of freedom q_d, Eq. (7).
     pub coordinates: CoordinatesEntry,
     /// The beams with an actuator, Eq. (9).
@@ -233,12 +242,12 @@ pub struct BaseEntry {
     pub nodes: Vec<String>,
 }
 
-/// `[free]`: nodes that move by themselves, held by beams.
+/// `[free]`: nodes that move by themselves, held by beams and springs.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FreeEntry {
     /// Names of the nodes that neither a body nor the base carries. Each has six coordinates of
-    /// its own; beams join it to the rest.
+    /// its own; beams and springs join it to the rest.
     pub nodes: Vec<String>,
 }
 
@@ -294,6 +303,10 @@ pub struct FlexibleBodyEntry {
     /// over a mode's strain energy to the damping ratio of the mode.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_factor: Option<f64>,
+    /// Damping ratio of each elastic mode that the body has by itself, free, with its nodes
+    /// unsupported (no unit). At least 0 and below 1. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modal_damping: Option<f64>,
 }
 
 /// A unit of length.
@@ -391,6 +404,101 @@ pub struct BeamEntry {
     /// the beam counts. Default: local z is as near to the file's z as possible; for an upright beam,
     /// local y is the file's y.
     pub y_axis: Option<[f64; 3]>,
+    /// The joints `[P, Q]` at its two ends, in the order of `nodes`. Each is `"fixed"`, `"ball"` for
+    /// all rotations, `"universal"` for those of bending, or a list of the released rotations by the
+    /// beam's own axes, such as `["ry"]` for a hinge about the local y axis. Default: both fixed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joints: Option<[JointEntry; 2]>,
+}
+
+/// The joint at an end of a beam, in one of two notations.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(
+    untagged,
+    expecting = "expected \"fixed\", \"ball\", \"universal\", or a list of released rotations, of \"rx\", \"ry\" and \"rz\""
+)]
+pub enum JointEntry {
+    /// By its name.
+    Named(Joint),
+    /// The rotations that it releases, about the beam's local axes.
+    Released(Vec<Rotation>),
+}
+
+/// A joint at an end of a beam.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Joint {
+    /// Releases nothing.
+    Fixed,
+    /// Releases all rotations.
+    Ball,
+    /// Releases the rotations about the local y and z axes, and holds that about the beam's own
+    /// axis.
+    Universal,
+}
+
+/// A rotation about an axis of a beam.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rotation {
+    /// About the beam's own axis.
+    Rx,
+    /// About the local y axis: bending in the local x–z plane, that of e3 and e4.
+    Ry,
+    /// About the local z axis: bending in the local x–y plane, that of e5 and e6.
+    Rz,
+}
+
+/// `[springs.NAME]`: a spring of no length, or a joint, between two nodes.
+///
+/// It acts at the point midway between its nodes, which is theirs if they are at one place: each
+/// node moves that point as a rigid arm would. A motion of both nodes as one rigid body makes no
+/// force.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpringEntry {
+    /// The two nodes `["P", "Q"]` that it joins. One of them may be a node of the base.
+    pub nodes: [String; 2],
+    /// Stiffness against translation along the local x, y and z, N/m. Negative for a spring that
+    /// pushes away from the middle. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<[f64; 3]>,
+    /// Stiffness against rotation about the local x, y and z, N m. Per rad, and negative for a
+    /// spring that pushes away from the middle. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotational_stiffness: Option<[f64; 3]>,
+    /// Viscous damper along the local x, y and z, N s/m. Not negative. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub damper: Option<[f64; 3]>,
+    /// Viscous damper about the local x, y and z, N m s. Per rad, and not negative. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotational_damper: Option<[f64; 3]>,
+    /// Loss factor of its positive stiffnesses (no unit), not negative. Default: 0. Adds half its
+    /// mean over a mode's strain energy to the damping ratio of the mode.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss_factor: Option<f64>,
+    /// Direction `[x, y, z]` of the local x axis (no unit). Default: the file's x axis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub x_axis: Option<[f64; 3]>,
+    /// Approximate direction `[x, y, z]` of the local y axis (no unit). Only its part across the
+    /// local x axis counts. Default: as for beams.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub y_axis: Option<[f64; 3]>,
+}
+
+/// `[point_masses.NAME]`: a mass at a node.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointMassEntry {
+    /// Name of the node that the mass moves with. It may be free, or one of a body, rigid or
+    /// flexible.
+    pub node: String,
+    /// Mass, kg. Above 0. A body's own mass does not contain it.
+    #[schemars(range(min = 0))]
+    pub mass: f64,
+    /// Inertia about the node, kg m². Written like that of a body. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia: Option<Inertia>,
 }
 
 /// `[coordinates]`: the degrees of freedom.

@@ -11,7 +11,9 @@ use npyz::{NpyFile, Order};
 use super::checked::{FlexibleBody, Node};
 use super::error::EntryError;
 use super::file::{FlexibleBodyEntry, LengthUnit, MassUnit};
-use super::validate::{Checked, not_negative, positive};
+use super::validate::{Checked, fraction, not_negative, positive};
+use crate::numeric::motion::rigid_motions;
+use crate::numeric::unit_diagonal::{scaled, to_ones};
 
 /// Most rows of a matrix: with more, a design takes hours.
 const ROWS: usize = 900;
@@ -92,9 +94,10 @@ pub(super) fn flexible_body(
     let stiffness = symmetric(&stiffness_entry, "stiffness", stiffness)?;
 
     let at: Vec<Vector3<f64>> = interface.iter().map(|&node| nodes[node].at).collect();
-    let rigid = rigid_motions(&at, size);
+    let centre = at.iter().sum::<Vector3<f64>>() / at.len() as f64;
+    let rigid = rigid_motions(&at, &centre, size);
     let stiffness = free(&stiffness_entry, &stiffness, &rigid)?;
-    let (total, cog) = whole(&mass_entry, &mass, &rigid, &at)?;
+    let (total, cog) = whole(&mass_entry, &mass, &rigid, &centre)?;
     if let Some(stated) = spec.mass {
         let stated = positive(&format!("{entry}.mass"), stated, "kg")?;
         if (total / stated - 1.0).abs() > 0.01 {
@@ -106,12 +109,14 @@ pub(super) fn flexible_body(
         }
     }
     let loss_entry = format!("{entry}.loss_factor");
+    let modal_entry = format!("{entry}.modal_damping");
     Ok(FlexibleBody {
         name: name.to_owned(),
         nodes: interface,
         mass,
         stiffness,
         loss_factor: not_negative(&loss_entry, spec.loss_factor.unwrap_or(0.0), "")?,
+        modal_damping: fraction(&modal_entry, spec.modal_damping.unwrap_or(0.0))?,
         total,
         cog,
     })
@@ -207,7 +212,8 @@ fn symmetric(entry: &str, what: &str, matrix: DMatrix<f64>) -> Checked<DMatrix<f
         }
     }
     let matrix = 0.5 * (&matrix + matrix.transpose());
-    let least = scaled(&matrix).symmetric_eigenvalues().min();
+    let least = scaled(&matrix, &to_ones(&matrix));
+    let least = least.symmetric_eigenvalues().min();
     if least < -DIGITS {
         return Err(EntryError::new(
             entry,
@@ -217,34 +223,6 @@ fn symmetric(entry: &str, what: &str, matrix: DMatrix<f64>) -> Checked<DMatrix<f
         ));
     }
     Ok(matrix)
-}
-
-/// Factors that make the diagonal of a matrix ones; one where it is zero.
-fn to_ones(matrix: &DMatrix<f64>) -> DVector<f64> {
-    matrix
-        .diagonal()
-        .map(|x| if x > 0.0 { x.sqrt().recip() } else { 1.0 })
-}
-
-fn scaled(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    let scale = to_ones(matrix);
-    DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
-        scale[i] * matrix[(i, j)] * scale[j]
-    })
-}
-
-/// The six motions of a rigid body, as columns: translations along x, y and z, 1 m, and rotations,
-/// 1 rad, about the mean position of the interface nodes. Modal coordinates rest.
-fn rigid_motions(at: &[Vector3<f64>], size: usize) -> MatrixXx6<f64> {
-    let centre = at.iter().sum::<Vector3<f64>>() / at.len() as f64;
-    let mut rigid = MatrixXx6::zeros(size);
-    for (i, at) in at.iter().enumerate() {
-        let mut block = Matrix6::identity();
-        let lever = -(at - centre).cross_matrix();
-        block.fixed_view_mut::<3, 3>(0, 3).copy_from(&lever);
-        rigid.fixed_view_mut::<6, 6>(6 * i, 0).copy_from(&block);
-    }
-    rigid
 }
 
 const MOTIONS: [&str; 6] = [
@@ -285,7 +263,7 @@ fn free(entry: &str, stiffness: &DMatrix<f64>, rigid: &MatrixXx6<f64>) -> Checke
     let basis = basis.qr().q();
     let n = stiffness.nrows();
     let without = DMatrix::identity(n, n) - &basis * basis.transpose();
-    let elastic = &without * scaled(stiffness) * &without;
+    let elastic = &without * scaled(stiffness, &scale) * &without;
     let mut values = elastic.symmetric_eigenvalues();
     values.as_mut_slice().sort_by(f64::total_cmp);
     // Six of them are the rigid motions that were taken out.
@@ -304,11 +282,12 @@ fn free(entry: &str, stiffness: &DMatrix<f64>, rigid: &MatrixXx6<f64>) -> Checke
 }
 
 /// Mass, kg, and centre of gravity, m, after a check that the mass is the same in all directions.
+/// The rotations of the `rigid` motions are about `centre`.
 fn whole(
     entry: &str,
     mass: &DMatrix<f64>,
     rigid: &MatrixXx6<f64>,
-    at: &[Vector3<f64>],
+    centre: &Vector3<f64>,
 ) -> Checked<(f64, Vector3<f64>)> {
     let whole: Matrix6<f64> = rigid.transpose() * mass * rigid;
     let [x, y, z] = [0, 1, 2].map(|i| whole[(i, i)]);
@@ -323,10 +302,9 @@ fn whole(
         )
         .fix("check the order of coordinates: x, y, z, rx, ry, rz of each node, modal coordinates last"));
     }
-    // The moment of the mass, m·[r]×, about the mean position of the nodes.
+    // The moment of the mass, m·[r]×.
     let moment = whole.fixed_view::<3, 3>(3, 0);
     let skew = 0.5 * (moment - moment.transpose());
-    let centre = at.iter().sum::<Vector3<f64>>() / at.len() as f64;
     let offset = Vector3::new(skew[(2, 1)], skew[(0, 2)], skew[(1, 0)]) / total;
     Ok((total, centre + offset))
 }

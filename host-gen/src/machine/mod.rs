@@ -1,5 +1,8 @@
 //! A machine, read from its file or described in code, and checked.
 //!
+//! A file without control describes a [`Structure`]: its modes are those of a [`Machine`], which has
+//! one.
+//!
 //! Each file here imports only from those before it:
 //!
 //! | file | |
@@ -43,8 +46,8 @@ use std::path::Path;
 
 pub use checked::{
     Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
-    FlexibleBody, LowerCorner, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
-    Uncertainty,
+    FlexibleBody, LowerCorner, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring,
+    Stiffness, Structure, Target, Uncertainty,
 };
 pub(crate) use error::EntryError;
 pub use error::MachineError;
@@ -88,6 +91,36 @@ impl Machine {
         match read::file(table) {
             Ok(file) => validate::machine(file, source),
             Err(error) => Err(source.locate(error)),
+        }
+    }
+}
+
+impl Structure {
+    /// Reads and checks a machine file that says nothing of control: it has none of the tables
+    /// `coordinates`, `actuators`, `sensors`, `floor`, `performance`, `control` and `board`. `None`
+    /// if it has one of them, and so is that of a [`Machine`].
+    ///
+    /// # Errors
+    /// If the file cannot be read, is not TOML, or what vibrates in it is wrong.
+    pub fn load_passive(path: &Path) -> Result<Option<Self>, MachineError> {
+        let (source, table) = Source::read(path)?;
+        Self::passive(source, table)
+    }
+
+    /// The same of the text of a machine file, as [`Machine::parse`].
+    ///
+    /// # Errors
+    /// As [`load_passive`](Self::load_passive).
+    pub fn parse_passive(path: &Path, text: &str) -> Result<Option<Self>, MachineError> {
+        let (source, table) = Source::parse(path, text)?;
+        Self::passive(source, table)
+    }
+
+    fn passive(source: Source, table: toml::Table) -> Result<Option<Self>, MachineError> {
+        match read::passive(table) {
+            None => Ok(None),
+            Some(Ok(file)) => validate::structure(&file, source).map(Some),
+            Some(Err(error)) => Err(source.locate(error)),
         }
     }
 }

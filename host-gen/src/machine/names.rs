@@ -2,6 +2,18 @@
 
 use super::error::EntryError;
 
+/// The index of `name` among the `known` ones; otherwise what [`missing`] says.
+pub(super) fn find<'a>(
+    entry: impl Into<String>,
+    what: &str,
+    name: &str,
+    known: impl Iterator<Item = &'a str> + Clone,
+    fix: &str,
+) -> Result<usize, EntryError> {
+    let found = known.clone().position(|known| known == name);
+    found.ok_or_else(|| missing(entry, what, name, known, fix))
+}
+
 /// That `name` at `entry` is none of the `known` ones: which of them it resembles, and `fix`.
 /// `what` says of what kind they are.
 pub(super) fn missing<'a>(

@@ -2,6 +2,9 @@
 //!
 //! It comes from [`super::file`], so it has the same keys and texts.
 
+use core::slice;
+use std::collections::VecDeque;
+
 use schemars::Schema;
 use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, RestrictFormats, Transform as _};
@@ -10,15 +13,35 @@ use serde_json::{Value, json};
 use super::file::MachineFile;
 use super::parts;
 
+/// The tables that a file without control does not have.
+pub(super) const CONTROL: [&str; 7] = [
+    "coordinates",
+    "actuators",
+    "sensors",
+    "floor",
+    "performance",
+    "control",
+    "board",
+];
+
 /// The JSON Schema of machine files, as text.
 ///
 /// A file that is based on another may leave out any key. Any other file must have every
-/// key that has no default.
+/// key that has no default, or none of those of control.
 pub fn schema() -> String {
     let mut whole = file_schema("/$defs/whole/$defs");
     let definitions = whole.pointer_mut("/$defs/whole/$defs").map(Value::take);
     whole.insert("$defs".to_owned(), definitions.into());
     whole.remove("$schema");
+    // A file has either all of these or none: without control it is for `modes` alone.
+    let of_control = |key: &Value| CONTROL.iter().any(|own| key == own);
+    if let Some(Value::Array(required)) = whole.get_mut("required") {
+        required.retain(|key| !of_control(key));
+    }
+    let others = |key: &&str| CONTROL.into_iter().filter(|other| other != key).collect();
+    let all = CONTROL.iter().map(|key| ((*key).to_owned(), others(key)));
+    let all: serde_json::Map<String, Value> = all.collect();
+    whole.insert("dependentRequired".to_owned(), all.into());
 
     let mut part = file_schema("/$defs");
     let mut optional = RecursiveTransform(|schema: &mut Schema| {
@@ -109,8 +132,43 @@ pub(super) fn summary<'a>(path: impl Iterator<Item = Option<&'a str>>) -> Option
         description = here.get("description").or(description);
     }
     let text = description?.as_str()?.replace('\n', " ");
-    let end = text.find(". ").unwrap_or(text.len());
+    let mut stops = text.match_indices(". ").map(|(i, _)| i);
+    let end = stops.find(|&i| !text[..i].ends_with("Eq"));
+    let end = end.unwrap_or(text.len());
     Some(text[..end].trim_end_matches('.').to_owned())
+}
+
+/// The keys without a default that a file does not have, each by its path from the top. Those of a
+/// table that is itself missing are not listed.
+pub(super) fn missing(file: &toml::Table) -> Vec<Vec<String>> {
+    let schema = file_schema("/$defs").to_value();
+    let mut all = Vec::new();
+    // Tables nearer to the top come first.
+    let mut next = VecDeque::from([(&schema, file, Vec::new())]);
+    while let Some((mut here, table, path)) = next.pop_front() {
+        // An optional table is a choice of one.
+        if let Some([choice]) = here["anyOf"].as_array().map(Vec::as_slice) {
+            here = choice;
+        }
+        let reference = here["$ref"].as_str();
+        let place = reference.map(|reference| reference.trim_start_matches('#'));
+        here = place
+            .and_then(|place| schema.pointer(place))
+            .unwrap_or(here);
+        for key in here["required"].as_array().into_iter().flatten() {
+            if let Some(key) = key.as_str().filter(|key| !table.contains_key(*key)) {
+                all.push([&path[..], &[key.to_owned()]].concat());
+            }
+        }
+        for (key, value) in table {
+            let own = here["properties"].get(key);
+            let of_key = own.or_else(|| here.get("additionalProperties"));
+            if let (Some(of_key), Some(table)) = (of_key, value.as_table()) {
+                next.push_back((of_key, table, [&path[..], slice::from_ref(key)].concat()));
+            }
+        }
+    }
+    all
 }
 
 /// The unit of a number, the end of its [`summary`]; none if it has no unit.
@@ -127,7 +185,7 @@ mod tests {
     /// messages depend on it.
     #[test]
     fn every_number_states_its_unit() {
-        const UNITS: [&str; 21] = [
+        const UNITS: [&str; 22] = [
             "m",
             "m²",
             "m⁴",
@@ -140,6 +198,7 @@ mod tests {
             "N m",
             "N/m",
             "N s/m",
+            "N m s",
             "Pa",
             "V",
             "N/V",

@@ -118,6 +118,8 @@ fn frame() -> MachineFile {
         ]
         .into(),
         flexible_bodies: Default::default(),
+        springs: Default::default(),
+        point_masses: Default::default(),
         profiles: [
             ("leg".to_owned(), profile(8.389e6, 371.0, 5.84)),
             ("block".to_owned(), profile(4.5e7, 3.0e4, 1.0e4)),
@@ -205,6 +207,7 @@ fn frame() -> MachineFile {
                 limit: 200.0,
                 bandwidth: None,
             },
+            gains: GainsEntry::default(),
         },
         supervision: SupervisionSettings::default(),
         simulation: Simulation::default(),

@@ -3,7 +3,7 @@
 use core::fmt::Display;
 
 use indexmap::IndexMap;
-use nalgebra::{Matrix3, RowVector3, Vector3};
+use nalgebra::{Matrix3, RowVector3, Vector3, Vector6};
 use sha2::{Digest, Sha256};
 use shared::LEGS;
 use shared::codes::{Adc, Dac};
@@ -12,18 +12,19 @@ use shared::table::{ModelDigest, SECTIONS};
 use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
     Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
-    FlexibleBody, GainErrors, Machine, Node, Performance, Robustness, Sensor, Stiffness, Target,
-    Uncertainty,
+    FlexibleBody, GainErrors, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring,
+    Stiffness, Structure, Target, Uncertainty,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind, ForceSensorEntry,
-    GainsEntry, Inertia, LawName, MachineFile, Minimise, ProfileEntry, RobustnessEntry, RollOff,
-    ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings, UncertaintyEntry,
+    GainsEntry, Inertia, Joint, JointEntry, LawName, MachineFile, Minimise, ProfileEntry,
+    RobustnessEntry, RollOff, Rotation, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
+    UncertaintyEntry,
 };
 use super::flexible::flexible_body;
 use super::limits::{self, Limits};
-use super::names::missing;
+use super::names::find;
 use super::sensor::{bandwidth, sensor};
 use super::source::{Source, has};
 use crate::floor::{Floor, Spectrum};
@@ -36,7 +37,10 @@ const UNIT_SLACK: f64 = 1e-5;
 /// Checks a file; errors have their place in `source`.
 pub(super) fn machine(file: MachineFile, source: Source) -> Result<Machine, MachineError> {
     match check(file, &source) {
-        Ok(machine) => Ok(Machine { source, ..machine }),
+        Ok(mut machine) => {
+            machine.structure.source = source;
+            Ok(machine)
+        }
         Err(error) => Err(source.locate(error)),
     }
 }
@@ -76,7 +80,18 @@ fn digest(file: &MachineFile, flexible: &[FlexibleBody]) -> ModelDigest {
     ModelDigest(digest.finalize().into())
 }
 
-fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
+/// Checks what vibrates of a file, and that alone; errors have their place in `source`.
+pub(super) fn structure(file: &MachineFile, source: Source) -> Result<Structure, MachineError> {
+    match check_structure(file, &source) {
+        Ok(structure) => Ok(Structure {
+            source,
+            ..structure
+        }),
+        Err(error) => Err(source.locate(error)),
+    }
+}
+
+fn check_structure(file: &MachineFile, source: &Source) -> Checked<Structure> {
     if file.format != 1 {
         return Err(EntryError::new(
             "format",
@@ -87,14 +102,35 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         ));
     }
     check_name(&file.name)?;
-    limits::check(&file)?;
-    let nodes = nodes(&file)?;
-    let bodies = bodies(&file)?;
-    let flexible = flexible(&file, &nodes, source)?;
-    let beams = beams(&file, &nodes)?;
-    check_nodes(&nodes, &beams)?;
-    let damping = damping(&file.damping, &beams, &flexible)?;
-    let names = Names { nodes, beams };
+    limits::check(file)?;
+    let nodes = nodes(file)?;
+    let bodies = bodies(file)?;
+    let flexible = flexible(file, &nodes, source)?;
+    let beams = beams(file, &nodes)?;
+    let springs = springs(file, &nodes)?;
+    let point_masses = point_masses(file, &nodes)?;
+    check_nodes(&nodes, &beams, &springs)?;
+    Ok(Structure {
+        name: file.name.clone(),
+        damping: damping(&file.damping, &beams, &springs, &flexible)?,
+        nodes,
+        bodies,
+        flexible,
+        beams,
+        springs,
+        point_masses,
+        gravity: finite3("gravity", &file.gravity, ", in m/s²")?,
+        source: Source::default(),
+    })
+}
+
+fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
+    let structure = check_structure(&file, source)?;
+    let bodies = &structure.bodies;
+    let names = Names {
+        nodes: &structure.nodes,
+        beams: &structure.beams,
+    };
 
     let coordinates =
         names.deformations("coordinates.deformations", &file.coordinates.deformations)?;
@@ -216,7 +252,7 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     let shapes = shapes(&file.control, board.sample_rate)?;
     supervision(&file.supervision, board.sample_rate)?;
     simulation(&file.simulation, board.sample_rate)?;
-    let robustness = robustness(&file.robustness, &bodies, &names, &actuators)?;
+    let robustness = robustness(&file.robustness, bodies, &names, &actuators)?;
     let uncertainty = uncertainty(&file.uncertainty)?;
 
     if !file.provenance.is_empty() {
@@ -234,12 +270,8 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     }
 
     Ok(Machine {
-        name: file.name.clone(),
-        nodes: names.nodes,
-        bodies,
-        digest: digest(&file, &flexible),
-        flexible,
-        beams: names.beams,
+        digest: digest(&file, &structure.flexible),
+        structure,
         coordinates,
         actuators,
         accelerometers,
@@ -250,8 +282,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         performance,
         bands,
         exposure,
-        gravity: finite3("gravity", &file.gravity, ", in m/s²")?,
-        damping,
         target,
         shapes,
         board,
@@ -262,7 +292,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         gain_errors: GainErrors::default(),
         provenance: file.provenance.clone(),
         description: file,
-        source: Source::default(),
     })
 }
 
@@ -330,7 +359,7 @@ pub(super) fn not_zero(entry: &str, value: f64) -> Checked<f64> {
 }
 
 /// At least 0 and below 1.
-fn fraction(entry: &str, value: f64) -> Checked<f64> {
+pub(super) fn fraction(entry: &str, value: f64) -> Checked<f64> {
     let right = (0.0..1.0).contains(&value);
     number(entry, value, right, "be at least 0 and below 1")
 }
@@ -365,10 +394,7 @@ fn six<T>(entry: &str, all: Vec<T>) -> Checked<[T; LEGS]> {
 fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
     let mut carriers: Vec<Option<Carrier>> = vec![None; file.nodes.len()];
     let mut claim = |entry: &str, name: &str, carrier: Carrier| {
-        let Some(index) = file.nodes.get_index_of(name) else {
-            let known = file.nodes.keys().map(String::as_str);
-            return Err(missing(entry, "node", name, known, "add it under [nodes]"));
-        };
+        let index = node_index(entry, file.nodes.keys(), name)?;
         if carriers[index].is_some() {
             return Err(
                 EntryError::new(entry, format!("node \"{name}\" is listed twice"))
@@ -402,7 +428,7 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
             let entry = format!("nodes.{name}");
             let carrier = carrier.ok_or_else(|| {
                 EntryError::new(&entry, "the node is not attached to anything")
-                    .fix("list it in the nodes of a body or of the base, or in free.nodes if only beams hold it")
+                    .fix("list it in the nodes of a body or of the base, or in free.nodes if only beams or springs hold it")
             })?;
             Ok(Node {
                 name: name.clone(),
@@ -418,7 +444,7 @@ fn flexible(file: &MachineFile, nodes: &[Node], source: &Source) -> Checked<Vec<
     let bodies = bodies.map(|(name, spec)| {
         let entry = format!("flexible_bodies.{name}.nodes");
         let interface = spec.nodes.iter();
-        let interface = interface.map(|node| node_index(&entry, nodes, node));
+        let interface = interface.map(|node| node_index(&entry, names(nodes), node));
         let folder = source.folder(&format!("flexible_bodies.{name}.mass_matrix"));
         let interface = interface.collect::<Checked<Vec<_>>>()?;
         flexible_body(name, spec, folder, interface, nodes)
@@ -427,59 +453,178 @@ fn flexible(file: &MachineFile, nodes: &[Node], source: &Source) -> Checked<Vec<
 }
 
 fn bodies(file: &MachineFile) -> Checked<Vec<Body>> {
-    if file.bodies.is_empty() && file.flexible_bodies.is_empty() {
+    let own = file
+        .beams
+        .values()
+        .filter_map(|beam| beam.stiffness.as_ref());
+    let mut sets = file.profiles.values().chain(own);
+    if file.bodies.is_empty()
+        && file.flexible_bodies.is_empty()
+        && file.point_masses.is_empty()
+        && !sets.any(|set| set.density.is_some() || set.mass.is_some())
+    {
         return Err(EntryError::new("bodies", "there must be at least one body"));
     }
     file.bodies
         .iter()
         .map(|(name, spec)| {
             let entry = format!("bodies.{name}");
-            let inertia_entry = format!("{entry}.inertia");
-            let inertia = match spec.inertia {
-                Inertia::Diagonal(moments) => Matrix3::from_diagonal(&Vector3::from(moments)),
-                Inertia::Tensor(rows) => {
-                    Matrix3::from_rows(&rows.map(|row| RowVector3::from_row_slice(&row)))
-                }
-            };
-            if inertia.iter().any(|x| !x.is_finite()) {
-                return Err(EntryError::new(inertia_entry, "must be finite numbers, in kg m²"));
-            }
-            let largest = inertia.amax();
-            if (inertia - inertia.transpose()).amax() > 1e-9 * largest {
-                return Err(EntryError::new(inertia_entry, "the inertia tensor must be symmetric"));
-            }
-            // What a rotation of axes leaves in the last digits.
-            let inertia = 0.5 * (inertia + inertia.transpose());
-            let mut moments = inertia.symmetric_eigenvalues();
-            moments.as_mut_slice().sort_by(f64::total_cmp);
-            let [small, middle, large] = moments.into();
-            // A plate of 0.833, 0.833 and 1.67 kg m² was typed with three digits.
-            let rounding = 5e-3 * large.abs();
-            if small < -1e-9 * largest {
-                return Err(EntryError::new(
-                    inertia_entry,
-                    format!(
-                        "the principal moments of inertia must not be below 0 kg m²; the smallest is {small:.3e}"
-                    ),
-                ));
-            }
-            if large > small + middle + rounding {
-                return Err(EntryError::new(
-                    inertia_entry,
-                    format!(
-                        "no body has principal moments of inertia of {small:.4e}, {middle:.4e} and {large:.4e} kg m²: the largest must not exceed the sum of the others"
-                    ),
-                )
-                .fix("check units and decimal points; off-diagonals have the tensor's sign, Ixy = −∫xy dm"));
-            }
             Ok(Body {
                 name: name.clone(),
                 mass: positive(&format!("{entry}.mass"), spec.mass, "kg")?,
-                inertia,
+                inertia: inertia(&format!("{entry}.inertia"), &spec.inertia)?,
                 cog: finite3(&format!("{entry}.cog"), &spec.cog, ", in m")?,
             })
         })
         .collect()
+}
+
+/// The tensor of an inertia that some body can have, kg m².
+fn inertia(entry: &str, spec: &Inertia) -> Checked<Matrix3<f64>> {
+    let inertia = match spec {
+        Inertia::Diagonal(moments) => Matrix3::from_diagonal(&Vector3::from(*moments)),
+        Inertia::Tensor(rows) => {
+            Matrix3::from_rows(&rows.map(|row| RowVector3::from_row_slice(&row)))
+        }
+    };
+    if inertia.iter().any(|x| !x.is_finite()) {
+        return Err(EntryError::new(entry, "must be finite numbers, in kg m²"));
+    }
+    let largest = inertia.amax();
+    if (inertia - inertia.transpose()).amax() > 1e-9 * largest {
+        return Err(EntryError::new(
+            entry,
+            "the inertia tensor must be symmetric",
+        ));
+    }
+    // What a rotation of axes leaves in the last digits.
+    let inertia = 0.5 * (inertia + inertia.transpose());
+    let mut moments = inertia.symmetric_eigenvalues();
+    moments.as_mut_slice().sort_by(f64::total_cmp);
+    let [small, middle, large] = moments.into();
+    // A plate of 0.833, 0.833 and 1.67 kg m² was typed with three digits.
+    let rounding = 5e-3 * large.abs();
+    if small < -1e-9 * largest {
+        return Err(EntryError::new(
+            entry,
+            format!(
+                "the principal moments of inertia must not be below 0 kg m²; the smallest is {small:.3e}"
+            ),
+        ));
+    }
+    if large > small + middle + rounding {
+        return Err(EntryError::new(
+            entry,
+            format!(
+                "no body has principal moments of inertia of {small:.4e}, {middle:.4e} and {large:.4e} kg m²: the largest must not exceed the sum of the others"
+            ),
+        )
+        .fix("check units and decimal points; off-diagonals have the tensor's sign, Ixy = −∫xy dm"));
+    }
+    Ok(inertia)
+}
+
+fn springs(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Spring>> {
+    let springs = file.springs.iter().map(|(name, spec)| {
+        let entry = format!("springs.{name}");
+        let key = |key: &str| format!("{entry}.{key}");
+        let mut ends = [0; 2];
+        for (end, node) in ends.iter_mut().zip(&spec.nodes) {
+            *end = node_index(&key("nodes"), names(nodes), node)?;
+        }
+        let [p, q] = ends;
+        if p == q {
+            return Err(EntryError::new(
+                key("nodes"),
+                "a spring joins two nodes, and these are the same",
+            )
+            .fix("give the second part a node of its own, which may be at the same position"));
+        }
+        let six = |[translation, rotation]: [&Option<[f64; 3]>; 2]| {
+            let halves = [translation, rotation].map(|half| half.unwrap_or_default());
+            Vector6::from_column_slice(halves.as_flattened())
+        };
+        let stiffness = six([&spec.stiffness, &spec.rotational_stiffness]);
+        let damper = six([&spec.damper, &spec.rotational_damper]);
+        let keys = ["stiffness", "rotational_stiffness"];
+        for (name, unit, half) in [
+            (keys[0], "N/m", stiffness.fixed_rows::<3>(0)),
+            (keys[1], "N m", stiffness.fixed_rows::<3>(3)),
+        ] {
+            finite3(
+                &key(name),
+                &half.into_owned().into(),
+                &format!(", in {unit}"),
+            )?;
+        }
+        for (name, unit, half) in [
+            ("damper", "N s/m", damper.fixed_rows::<3>(0)),
+            ("rotational_damper", "N m s", damper.fixed_rows::<3>(3)),
+        ] {
+            for x in half.iter() {
+                not_negative(&key(name), *x, unit)?;
+            }
+        }
+        if stiffness.amax() == 0.0 && damper.amax() == 0.0 {
+            return Err(EntryError::new(
+                entry,
+                "a spring without stiffness and damper does nothing",
+            )
+            .fix("give stiffness, rotational_stiffness, damper or rotational_damper"));
+        }
+        let along = finite3(&key("x_axis"), &spec.x_axis.unwrap_or([1.0, 0.0, 0.0]), "")?;
+        if along == Vector3::zeros() {
+            return Err(EntryError::new(
+                key("x_axis"),
+                "a direction must differ from [0, 0, 0]",
+            ));
+        }
+        Ok(Spring {
+            name: name.clone(),
+            ends,
+            at: nodes[p].at.lerp(&nodes[q].at, 0.5),
+            axes: axes(
+                &entry,
+                "the local x axis",
+                along.normalize(),
+                spec.y_axis.as_ref(),
+            )?,
+            stiffness,
+            damper,
+            loss_factor: not_negative(&key("loss_factor"), spec.loss_factor.unwrap_or(0.0), "")?,
+        })
+    });
+    springs.collect()
+}
+
+fn point_masses(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<PointMass>> {
+    let masses = file.point_masses.iter().map(|(name, spec)| {
+        let entry = format!("point_masses.{name}");
+        let node_entry = format!("{entry}.node");
+        let node = node_index(&node_entry, names(nodes), &spec.node)?;
+        if nodes[node].carrier == Carrier::Base {
+            return Err(EntryError::new(
+                node_entry,
+                format!(
+                    "node \"{}\" moves with the base, whose motion is given: a mass there changes nothing",
+                    spec.node
+                ),
+            )
+            .fix("use a node of a body or a free one"));
+        }
+        let no_inertia = Inertia::Diagonal([0.0; 3]);
+        let spec_inertia = spec.inertia.as_ref().unwrap_or(&no_inertia);
+        Ok(PointMass {
+            node,
+            body: Body {
+                name: name.clone(),
+                mass: positive(&format!("{entry}.mass"), spec.mass, "kg")?,
+                inertia: inertia(&format!("{entry}.inertia"), spec_inertia)?,
+                cog: nodes[node].at,
+            },
+        })
+    });
+    masses.collect()
 }
 
 fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
@@ -489,7 +634,7 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
             let entry = format!("beams.{name}");
             let mut ends = [0; 2];
             for (end, node) in ends.iter_mut().zip(&spec.nodes) {
-                *end = node_index(&format!("{entry}.nodes"), nodes, node)?;
+                *end = node_index(&format!("{entry}.nodes"), names(nodes), node)?;
             }
             let along = nodes[ends[1]].at - nodes[ends[0]].at;
             let length = along.norm();
@@ -508,13 +653,10 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
             }
             let (source, profile) = match (&spec.profile, &spec.stiffness) {
                 (Some(profile), None) => {
-                    let entry_of_use = format!("{entry}.profile");
-                    let set = file.profiles.get(profile).ok_or_else(|| {
-                        let known = file.profiles.keys().map(String::as_str);
-                        let fix = "add it under [profiles]";
-                        missing(entry_of_use, "profile", profile, known, fix)
-                    })?;
-                    (format!("profiles.{profile}"), set)
+                    let known = file.profiles.keys().map(String::as_str);
+                    let fix = "add it under [profiles]";
+                    let set = find(format!("{entry}.profile"), "profile", profile, known, fix)?;
+                    (format!("profiles.{profile}"), &file.profiles[set])
                 }
                 (None, Some(own)) => (format!("{entry}.stiffness"), own),
                 _ => {
@@ -534,13 +676,37 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                 mass,
                 polar_inertia,
                 segments,
+                released: released(&entry, spec.joints.as_ref())?,
                 loss_factor: not_negative(&format!("{source}.loss_factor"), profile.loss_factor.unwrap_or(0.0), "")?,
                 damper: not_negative(&format!("{source}.damper"), profile.damper.unwrap_or(0.0), "N s/m")?,
-                axes: axes(&entry, along / length, spec.y_axis.as_ref())?,
+                axes: axes(&entry, "the beam", along / length, spec.y_axis.as_ref())?,
                 length,
             })
         })
         .collect()
+}
+
+/// The rotations that the joints at the two ends of a beam release, about its local axes.
+fn released(entry: &str, joints: Option<&[JointEntry; 2]>) -> Checked<[[bool; 3]; 2]> {
+    let Some(joints) = joints else {
+        return Ok([[false; 3]; 2]);
+    };
+    let released = joints.each_ref().map(|joint| match joint {
+        JointEntry::Named(Joint::Fixed) => [false; 3],
+        JointEntry::Named(Joint::Ball) => [true; 3],
+        JointEntry::Named(Joint::Universal) => [false, true, true],
+        JointEntry::Released(all) => {
+            [Rotation::Rx, Rotation::Ry, Rotation::Rz].map(|rotation| all.contains(&rotation))
+        }
+    });
+    if released.iter().all(|[about_own, ..]| *about_own) {
+        return Err(EntryError::new(
+            format!("{entry}.joints"),
+            "a mechanism: both joints release rx, so that nothing keeps the beam from turning about its own axis",
+        )
+        .fix("let one joint hold rx, such as \"universal\" instead of \"ball\""));
+    }
+    Ok(released)
 }
 
 /// End stiffnesses as given, or from material and section over the length.
@@ -606,17 +772,23 @@ fn stiffness(entry: &str, p: &ProfileEntry, length: f64) -> Checked<Stiffness> {
     Ok(stiffness)
 }
 
-/// Local axes of a beam along `x`, as rows. If `given` does not say where y is, z is as near
-/// to the file's z as possible, and y of an upright beam is the file's y.
-fn axes(entry: &str, x: Vector3<f64>, given: Option<&[f64; 3]>) -> Checked<Matrix3<f64>> {
+/// Local axes with x along `what`, as rows. If `given` does not say where y is, z is as near
+/// to the file's z as possible, and where x is upright, y is the file's y.
+fn axes(
+    entry: &str,
+    what: &str,
+    x: Vector3<f64>,
+    given: Option<&[f64; 3]>,
+) -> Checked<Matrix3<f64>> {
     let y = match given {
         Some(given) => {
             let entry = format!("{entry}.y_axis");
             let given = finite3(&entry, given, "")?;
             let across = given - x * x.dot(&given);
             if across.norm() <= 1e-6 * given.norm() {
-                return Err(EntryError::new(entry, "y_axis is parallel to the beam")
-                    .fix("give a direction across the beam"));
+                let message = format!("y_axis is parallel to {what}");
+                let fix = format!("give a direction across {what}");
+                return Err(EntryError::new(entry, message).fix(fix));
             }
             across.normalize()
         }
@@ -633,12 +805,22 @@ fn axes(entry: &str, x: Vector3<f64>, given: Option<&[f64; 3]>) -> Checked<Matri
 }
 
 /// A damping ratio of 0.005 for every mode, unless the file gives any other damping.
-fn damping(spec: &DampingEntry, beams: &[Beam], flexible: &[FlexibleBody]) -> Checked<Damping> {
+fn damping(
+    spec: &DampingEntry,
+    beams: &[Beam],
+    springs: &[Spring],
+    flexible: &[FlexibleBody],
+) -> Checked<Damping> {
     let elsewhere = spec.rayleigh.is_some()
+        || springs
+            .iter()
+            .any(|spring| spring.loss_factor != 0.0 || spring.damper.amax() != 0.0)
         || beams
             .iter()
             .any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0)
-        || flexible.iter().any(|body| body.loss_factor != 0.0);
+        || flexible
+            .iter()
+            .any(|body| body.loss_factor != 0.0 || body.modal_damping != 0.0);
     let modal = spec.modal.unwrap_or(if elsewhere { 0.0 } else { 0.005 });
     fraction("damping.modal", modal)?;
     let rayleigh = spec.rayleigh.unwrap_or_default();
@@ -988,12 +1170,9 @@ fn robustness(
         Some(payload) => payload
             .iter()
             .map(|name| {
-                let found = bodies.iter().position(|body| body.name == *name);
-                found.ok_or_else(|| {
-                    let known = bodies.iter().map(|body| body.name.as_str());
-                    let fix = "use names under [bodies]";
-                    missing("robustness.payload", "body", name, known, fix)
-                })
+                let known = bodies.iter().map(|body| body.name.as_str());
+                let fix = "use names under [bodies]";
+                find("robustness.payload", "body", name, known, fix)
             })
             .collect::<Checked<Vec<_>>>()?,
         None => {
@@ -1022,31 +1201,29 @@ fn robustness(
     })
 }
 
-fn node_index(entry: &str, nodes: &[Node], name: &str) -> Checked<usize> {
-    nodes
-        .iter()
-        .position(|node| node.name == name)
-        .ok_or_else(|| {
-            let known = nodes.iter().map(|node| node.name.as_str());
-            missing(entry, "node", name, known, "add it under [nodes]")
-        })
+fn names(nodes: &[Node]) -> impl Iterator<Item = &String> + Clone {
+    nodes.iter().map(|node| &node.name)
+}
+
+fn node_index<'a>(
+    entry: &str,
+    nodes: impl Iterator<Item = &'a String> + Clone,
+    name: &str,
+) -> Checked<usize> {
+    let known = nodes.map(String::as_str);
+    find(entry, "node", name, known, "add it under [nodes]")
 }
 
 /// What the rest of the file refers to.
-struct Names {
-    nodes: Vec<Node>,
-    beams: Vec<Beam>,
+struct Names<'a> {
+    nodes: &'a [Node],
+    beams: &'a [Beam],
 }
 
-impl Names {
+impl Names<'_> {
     fn beam(&self, entry: &str, name: &str) -> Checked<usize> {
-        self.beams
-            .iter()
-            .position(|beam| beam.name == name)
-            .ok_or_else(|| {
-                let known = self.beams.iter().map(|beam| beam.name.as_str());
-                missing(entry, "beam", name, known, "add it under [beams]")
-            })
+        let known = self.beams.iter().map(|beam| beam.name.as_str());
+        find(entry, "beam", name, known, "add it under [beams]")
     }
 
     fn deformations(&self, entry: &str, names: &[String]) -> Checked<Vec<Deformation>> {
@@ -1106,7 +1283,7 @@ impl Names {
                 }
                 Ok(Direction {
                     name: name.clone(),
-                    node: node_index(&format!("{entry}.node"), &self.nodes, &spec.node)?,
+                    node: node_index(&format!("{entry}.node"), names(self.nodes), &spec.node)?,
                     direction: direction / norm,
                 })
             })

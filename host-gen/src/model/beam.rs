@@ -1,26 +1,9 @@
 //! Deformations, stiffness and mass of a beam between two points.
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, RowVector3, Vector3};
+use nalgebra::{DMatrix, Matrix3, RowVector3};
 
 use super::layout::{Follow, Point};
 use crate::machine::Beam;
-
-/// −[v]×, 3×3: a rotation φ moves a point at v by φ × v = −[v]×·φ.
-fn lever(v: &Vector3<f64>) -> Matrix3<f64> {
-    -v.cross_matrix()
-}
-
-/// The motion of a point of a rigid body from the motion of its reference point, 6×6.
-///
-/// A motion is a translation, m, and a rotation, rad. `at` and `reference` are the positions of
-/// the two points, m.
-pub(crate) fn transport(at: &Vector3<f64>, reference: &Vector3<f64>) -> Matrix6<f64> {
-    let mut matrix = Matrix6::identity();
-    matrix
-        .fixed_view_mut::<3, 3>(0, 3)
-        .copy_from(&lever(&(at - reference)));
-    matrix
-}
 
 /// SPACAR's six deformations, m, to first order from the motions of the ends p and q, 6×12.
 ///
@@ -55,20 +38,44 @@ pub(crate) fn beam_deformations(beam: &Beam) -> DMatrix<f64> {
     rows
 }
 
-/// Stiffness of a beam for the deformations e1 to e6, 6×6, N/m.
+/// Whether the joints at p and at q release bending in each plane, the one of e3, e4 and the one of
+/// e5, e6.
+pub(crate) fn released_bending(beam: &Beam) -> [[bool; 2]; 2] {
+    let [p, q] = beam.released;
+    [[p[1], q[1]], [p[2], q[2]]]
+}
+
+/// Whether a joint releases the rotation about the beam's own axis.
+fn turns_about_itself(beam: &Beam) -> bool {
+    beam.released.iter().any(|[about_own, ..]| *about_own)
+}
+
+/// Stiffness of a beam for the deformations e1 to e6 between its nodes, 6×6, N/m.
 ///
-/// EA/L for e1, GJ/L³ for e2, and EI/L³·[[4, −2], [−2, 4]] for each bending plane.
+/// EA/L for e1, GJ/L³ for e2, and EI/L³·[[4, −2], [−2, 4]] for each bending plane. Where a joint
+/// releases a rotation, that of the beam's end follows without a moment: 3EI/L³ remains in the plane
+/// if the other end is fixed.
 pub(crate) fn deformation_stiffness(beam: &Beam) -> DMatrix<f64> {
     let per_area = 1.0 / (beam.length * beam.length);
     let mut s = DMatrix::zeros(6, 6);
     s[(0, 0)] = beam.stiffness.axial;
-    s[(1, 1)] = beam.stiffness.torsion * per_area;
-    for (plane, bending) in beam.stiffness.bending.iter().enumerate() {
+    if !turns_about_itself(beam) {
+        s[(1, 1)] = beam.stiffness.torsion * per_area;
+    }
+    let planes = beam.stiffness.bending.iter().zip(released_bending(beam));
+    for (plane, (bending, released)) in planes.enumerate() {
         let i = 2 + 2 * plane;
-        s[(i, i)] = 4.0 * bending * per_area;
-        s[(i + 1, i + 1)] = 4.0 * bending * per_area;
-        s[(i, i + 1)] = -2.0 * bending * per_area;
-        s[(i + 1, i)] = -2.0 * bending * per_area;
+        match released {
+            [false, false] => {
+                s[(i, i)] = 4.0 * bending * per_area;
+                s[(i + 1, i + 1)] = 4.0 * bending * per_area;
+                s[(i, i + 1)] = -2.0 * bending * per_area;
+                s[(i + 1, i)] = -2.0 * bending * per_area;
+            }
+            [true, false] => s[(i + 1, i + 1)] = 3.0 * bending * per_area,
+            [false, true] => s[(i, i)] = 3.0 * bending * per_area,
+            [true, true] => {}
+        }
     }
     s
 }
@@ -77,15 +84,76 @@ pub(crate) fn deformation_stiffness(beam: &Beam) -> DMatrix<f64> {
 pub(crate) fn stiffness_factor(beam: &Beam) -> DMatrix<f64> {
     let mut f = DMatrix::zeros(6, 6);
     f[(0, 0)] = beam.stiffness.axial.sqrt();
-    f[(1, 1)] = beam.stiffness.torsion.sqrt() / beam.length;
-    for (plane, bending) in beam.stiffness.bending.iter().enumerate() {
+    if !turns_about_itself(beam) {
+        f[(1, 1)] = beam.stiffness.torsion.sqrt() / beam.length;
+    }
+    let planes = beam.stiffness.bending.iter().zip(released_bending(beam));
+    for (plane, (bending, released)) in planes.enumerate() {
         let i = 2 + 2 * plane;
         let size = bending.sqrt() / beam.length;
-        f[(i, i)] = 2.0 * size;
-        f[(i, i + 1)] = -size;
-        f[(i + 1, i + 1)] = 3f64.sqrt() * size;
+        let one_end = 3f64.sqrt() * size;
+        match released {
+            [false, false] => {
+                f[(i, i)] = 2.0 * size;
+                f[(i, i + 1)] = -size;
+                f[(i + 1, i + 1)] = one_end;
+            }
+            [true, false] => f[(i + 1, i + 1)] = one_end,
+            [false, true] => f[(i, i)] = one_end,
+            [true, true] => {}
+        }
     }
     f
+}
+
+/// The joints of a beam, in its own axes.
+pub(crate) struct Joints {
+    /// The released rotations of its ends, by their places among the twelve motions.
+    pub(crate) released: Vec<usize>,
+    /// K_rr: stiffness of the beam against these alone, N m.
+    pub(crate) own: DMatrix<f64>,
+    /// T, 12×12: the motions of the beam's ends from those of its nodes. The released rotations
+    /// follow the others without a moment.
+    pub(crate) follow: DMatrix<f64>,
+}
+
+/// The joints of a beam of one element; `None` if both its ends are fixed.
+///
+/// A rotation against which the beam has no stiffness of its own is as good as fixed: nothing acts
+/// on it.
+pub(crate) fn joints(beam: &Beam) -> Option<Joints> {
+    let fixed = Beam {
+        axes: Matrix3::identity(),
+        ..beam.part(1)
+    };
+    let deformed = beam_deformations(&fixed);
+    let stiffness = deformed.transpose() * deformation_stiffness(&fixed) * deformed;
+    let rotations = beam.released.iter().zip([3, 9]);
+    let released = rotations.flat_map(|(axes, first)| {
+        let axes = axes.iter().enumerate();
+        axes.filter_map(move |(axis, released)| released.then_some(first + axis))
+    });
+    let released: Vec<usize> = released.filter(|&i| stiffness[(i, i)] > 0.0).collect();
+    if released.is_empty() {
+        return None;
+    }
+    let rows = stiffness.select_rows(&released);
+    let own = rows.select_columns(&released);
+    let mut pull = rows;
+    for &i in &released {
+        pull.column_mut(i).fill(0.0);
+    }
+    // At one end each, or bending at both, which is stiff by itself.
+    let followed = own.clone().lu().solve(&pull)?;
+    let mut follow = DMatrix::identity(12, 12);
+    for (&i, row) in released.iter().zip(followed.row_iter()) {
+        follow.set_row(i, &-row);
+    }
+    Some(Joints {
+        released,
+        own,
+        follow,
+    })
 }
 
 /// Consistent mass matrix of a beam of one element, 12×12, kg, kg m and kg m², for the motions of
@@ -93,7 +161,8 @@ pub(crate) fn stiffness_factor(beam: &Beam) -> DMatrix<f64> {
 ///
 /// That of the shapes that the elastic beam takes between its ends: linear along and about its
 /// axis, cubic across. The beam is a line with a moment of inertia about it: the rotation of its
-/// sections about the other axes has none (Euler–Bernoulli).
+/// sections about the other axes has none (Euler–Bernoulli). Behind a joint, the released rotation
+/// of the beam's end follows the elastic shape.
 pub(crate) fn beam_mass(beam: &Beam) -> DMatrix<f64> {
     let mut local = DMatrix::zeros(12, 12);
     for (axis, whole) in [(0, beam.mass), (3, beam.polar_inertia)] {
@@ -123,6 +192,9 @@ pub(crate) fn beam_mass(beam: &Beam) -> DMatrix<f64> {
                 local[(i, j)] = beam.mass / 420.0 * a * b * entry;
             }
         }
+    }
+    if let Some(Joints { follow, .. }) = joints(beam) {
+        local = follow.transpose() * local * follow;
     }
     let axes = own_axes(beam);
     axes.transpose() * local * axes

@@ -1,25 +1,29 @@
-//! Gravity: static loads of the beams and the resulting geometric stiffness.
+//! Gravity: static loads of beams and springs, and the resulting geometric stiffness.
 //!
 //! The nodes of the machine file are the equilibrium under gravity: the loads balance the weight
 //! there. A load changes the stiffness in two ways. Forces and moments in a beam act through its
 //! deformations to second order: an axial force N, tension positive, adds 6N/(5L) against lateral
 //! motion if both ends are clamped, and bending moments couple twist and lateral bending. And a
-//! body that rotates moves the points at which forces act on it; a flexible body does so with its mean rotation, and its
-//! inner loads do not stiffen it.
+//! body that rotates moves the points at which forces act on it. A flexible body does so with its
+//! mean rotation, and its inner loads do not stiffen it.
 //!
 //! The inner points of a beam without mass are in equilibrium at any time. A loaded beam is divided
 //! into parts and reduced to its two ends, which gives the stiffness near buckling, too. So is each
 //! element of a beam with mass, whose weight acts on the element's ends.
 
+use core::f64::consts::{PI, TAU};
+
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Matrix3, RowDVector, Vector3};
 
 use super::beam::{
-    beam_deformations, beam_mass, deformation_stiffness, deformations, motions, own_axes,
+    Joints, beam_deformations, beam_mass, deformation_stiffness, deformations, joints, motions,
+    own_axes, released_bending,
 };
 use super::flexible::mean_rotation;
-use super::layout::{Follow, Layout, Owner};
-use crate::machine::{Beam, Carrier, Machine};
+use super::layout::{Follow, Layout, Owner, Point};
+use super::spring;
+use crate::machine::{Beam, Carrier, Structure};
 
 /// Static loads under gravity and their geometric stiffness.
 #[derive(Clone, Debug, Default)]
@@ -38,15 +42,25 @@ pub struct Statics {
 /// then, and all else to 0.01 %.
 const PARTS: usize = 20;
 
-/// The compressive force at which a beam with both ends clamped buckles, N, positive.
+/// The compressive force at which a beam buckles between its nodes if these do not turn, N,
+/// positive.
 ///
-/// This is Euler's 4π²·EI/L² for the plane with the smaller bending stiffness. A plane without
-/// bending stiffness is that of a hinged strut, which stays straight; `None` if both are.
+/// This is Euler's load for the weaker plane: 4π²·EI/L² with both ends fixed, π²·EI/L² where joints
+/// release both, and 20.19·EI/L², the square of the first root of tan x = x, where one is released.
+/// A plane without bending stiffness is that of a hinged strut, which stays straight; `None` if both
+/// are.
 pub fn buckling_load(beam: &Beam) -> Option<f64> {
-    let bending = beam.stiffness.bending.iter().filter(|&&plane| plane > 0.0);
-    let tau = core::f64::consts::TAU;
-    let least = bending.copied().reduce(f64::min)?;
-    Some(tau * tau * least / beam.length)
+    let planes = beam.stiffness.bending.iter().zip(released_bending(beam));
+    let bends = planes.filter(|(plane, _)| **plane > 0.0);
+    let loads = bends.map(|(plane, released)| {
+        let root = match released {
+            [false, false] => TAU,
+            [true, false] | [false, true] => 4.493_409_457_909_064,
+            [true, true] => PI,
+        };
+        root * root * plane / beam.length
+    });
+    loads.reduce(f64::min)
 }
 
 impl Statics {
@@ -55,19 +69,40 @@ impl Statics {
     ///
     /// Each element of a beam is loaded by its own deformation. Its weight acts on its ends, as
     /// in [`Multibody`](super::multibody::Multibody).
-    pub(crate) fn new(machine: &Machine, layout: &Layout, sag: &DVector<f64>) -> Self {
+    pub(crate) fn new(machine: &Structure, layout: &Layout, sag: &DVector<f64>) -> Self {
         let size = sag.len();
         let mut geometric = DMatrix::zeros(size, size);
         let mut axial = Vec::new();
         let mut buckled = Vec::new();
         let mut turned = vec![Matrix3::zeros(); machine.flexible.len()];
+        // The force `push` on what moves the `point`, at a place that turns with it.
+        let mut turn = |geometric: &mut DMatrix<f64>,
+                        point: &Point,
+                        at: &Vector3<f64>,
+                        push: &Vector3<f64>| {
+            let Some(Follow { first, .. }) = point.follow else {
+                return;
+            };
+            let centre = match layout.owner(first) {
+                Owner::Body(body) => machine.bodies[body].cog,
+                Owner::Node(node) => match machine.nodes[node].carrier {
+                    Carrier::Flexible(body) => {
+                        turned[body] += turned_arm(push, &(at - machine.flexible[body].cog));
+                        return;
+                    }
+                    Carrier::Base | Carrier::Body(_) | Carrier::Free => point.at,
+                },
+                Owner::Inner(..) => point.at,
+            };
+            let mut block = geometric.fixed_view_mut::<3, 3>(first + 3, first + 3);
+            block += turned_arm(push, &(at - centre));
+        };
         for (i, beam) in machine.beams.iter().enumerate() {
             let whole = deformations(beam, &layout.ends(machine, i), size) * sag;
             axial.push((deformation_stiffness(beam) * whole)[0]);
             let points = layout.along(machine, i);
-            let part = beam.part(beam.segments);
             let mut holds = true;
-            for ends in points.windows(2) {
+            for (part, ends) in beam.elements().zip(points.windows(2)) {
                 let deformation = deformations(&part, ends, size) * sag;
                 let stress = deformation_stiffness(&part) * &deformation;
                 let motions = motions(ends, size);
@@ -85,32 +120,30 @@ impl Statics {
                 }
                 for (end, point) in ends.iter().enumerate() {
                     let push: Vector3<f64> = push.fixed_rows::<3>(6 * end).into_owned();
-                    // Where the point is on a body turns with that body.
-                    if let Some(Follow { first, .. }) = point.follow
-                        && let Owner::Body(body) = layout.owner(first)
-                    {
-                        let arm = point.at - machine.bodies[body].cog;
-                        let mut block = geometric.fixed_view_mut::<3, 3>(first + 3, first + 3);
-                        block += turned_arm(&push, &arm);
-                    } else if let Some(Follow { first, .. }) = point.follow
-                        && let Owner::Node(node) = layout.owner(first)
-                        && let Carrier::Flexible(body) = machine.nodes[node].carrier
-                    {
-                        turned[body] += turned_arm(&push, &(point.at - machine.flexible[body].cog));
-                    }
+                    turn(&mut geometric, point, &point.at, &push);
                 }
             }
             buckled.push(!holds);
         }
+        for spring in &machine.springs {
+            let ends = spring.ends.map(|end| *layout.node(end));
+            let relative = spring::relative(spring, &ends, size);
+            let load = spring::load(spring, &relative, sag);
+            geometric += spring::geometric(spring, &ends, &load, size);
+            let push: Vector3<f64> = load.fixed_rows::<3>(0).into_owned();
+            for (point, push) in ends.iter().zip([push, -push]) {
+                turn(&mut geometric, point, &spring.at, &push);
+            }
+        }
+        for point in &machine.point_masses {
+            let weight = point.body.mass * machine.gravity;
+            let node = layout.node(point.node);
+            turn(&mut geometric, node, &node.at, &weight);
+        }
         for (i, (body, turned)) in machine.flexible.iter().zip(turned).enumerate() {
             let rotation = mean_rotation(machine, body);
             let of_body = rotation.transpose() * turned * rotation;
-            let own = layout.flexible(machine, i);
-            for (&i, row) in own.iter().zip(of_body.row_iter()) {
-                for (&j, x) in own.iter().zip(row.iter()) {
-                    geometric[(i, j)] += x;
-                }
-            }
+            layout.add_of_flexible(machine, i, &of_body, &mut geometric);
         }
         Self {
             axial,
@@ -133,16 +166,32 @@ fn turned_arm(push: &Vector3<f64>, arm: &Vector3<f64>) -> Matrix3<f64> {
 /// twelve end motions; and whether its inner points are held in stable equilibrium.
 ///
 /// A beam without stiffness against bending or twist is one element: a plane without bending
-/// stiffness stays straight, as in a bar with hinged ends.
+/// stiffness stays straight, as in a bar with hinged ends. Rotations that joints release are in
+/// equilibrium, too.
 fn beam_geometric(beam: &Beam, stress: &DVector<f64>) -> (DMatrix<f64>, bool) {
     let local = own_axes(beam);
     let [y, z] = beam.stiffness.bending;
-    let (of_ends, holds) = if y > 0.0 && z > 0.0 && beam.stiffness.torsion > 0.0 {
+    let (mut of_ends, mut holds) = if y > 0.0 && z > 0.0 && beam.stiffness.torsion > 0.0 {
         divided(beam, stress)
     } else {
         let stress = core::array::from_fn(|i| stress[i]);
         (element(beam.length, [y > 0.0, z > 0.0], stress), true)
     };
+    if let Some(Joints {
+        released,
+        own,
+        follow,
+    }) = joints(beam)
+    {
+        // Counted from the elastic following, as in `divided`: nothing cancels.
+        let pull = of_ends.select_rows(&released) * &follow;
+        let within = own + of_ends.select_rows(&released).select_columns(&released);
+        holds &= Cholesky::new(within.clone()).is_some();
+        of_ends = follow.transpose() * of_ends * follow;
+        if let Some(followed) = within.lu().solve(&pull) {
+            of_ends -= pull.transpose() * followed;
+        }
+    }
     (local.transpose() * of_ends * local, holds)
 }
 
@@ -308,6 +357,7 @@ mod tests {
             mass: 0.0,
             polar_inertia: 0.0,
             segments: 1,
+            released: [[false; 3]; 2],
             loss_factor: 0.0,
             damper: 0.0,
             axes: Matrix3::identity(),
@@ -328,6 +378,55 @@ mod tests {
             let hessian = element(length, [true; 2], stress);
             let whole = 0.5 * (first.transpose() * hessian * &first)[0] + linear[i];
             assert!(whole.abs() < 1e-14, "e{}: {whole:e}", i + 1);
+        }
+    }
+
+    /// Turning two free nodes and the loaded spring between them does no work: to second order, the
+    /// motion of its ends and what its geometric stiffness adds cancel.
+    #[test]
+    fn a_rotation_of_the_whole_does_not_strain_a_spring() {
+        let turn = Vector3::new(0.3, -0.4, 0.5);
+        let places = [Vector3::new(0.2, 0.7, -0.1), Vector3::new(-0.4, 0.3, 0.6)];
+        let ends = [0, 1].map(|i| Point {
+            at: places[i],
+            follow: Some(Follow {
+                first: 6 * i,
+                map: nalgebra::Matrix6::identity(),
+            }),
+        });
+        let axes = nalgebra::Rotation3::from_euler_angles(0.3, 0.8, -0.5);
+        let spring = crate::machine::Spring {
+            name: String::new(),
+            ends: [0, 1],
+            at: places[0].lerp(&places[1], 0.5),
+            axes: axes.matrix().transpose(),
+            stiffness: nalgebra::Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+            damper: nalgebra::Vector6::zeros(),
+            loss_factor: 0.0,
+        };
+        let mut first = DVector::zeros(12);
+        let mut second = DVector::zeros(12);
+        for (i, at) in places.iter().enumerate() {
+            let moved = turn.cross(at);
+            first.rows_mut(6 * i, 3).copy_from(&moved);
+            first.rows_mut(6 * i + 3, 3).copy_from(&turn);
+            second
+                .rows_mut(6 * i, 3)
+                .copy_from(&(0.5 * turn.cross(&moved)));
+        }
+        let relative = spring::relative(&spring, &ends, 12);
+        for i in 0..12 {
+            let sag = DVector::from_fn(12, |j, _| f64::from(u8::from(i == j)));
+            let load = spring::load(&spring, &relative, &sag);
+            let mut geometric = spring::geometric(&spring, &ends, &load, 12);
+            let push: Vector3<f64> = load.fixed_rows::<3>(0).into_owned();
+            for (end, push) in [push, -push].iter().enumerate() {
+                let mut block = geometric.view_mut((6 * end + 3, 6 * end + 3), (3, 3));
+                block += turned_arm(push, &(spring.at - places[end]));
+            }
+            let force = relative.transpose() * (&relative * &sag).component_mul(&spring.stiffness);
+            let whole = 0.5 * (first.transpose() * geometric * &first)[0] + force.dot(&second);
+            assert!(whole.abs() < 1e-14, "{i}: {whole:e}");
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::machine::Machine;
+use crate::machine::Structure;
 use crate::numeric::rows::first_dependent_row;
 
 /// The smallest part of a row, relative to its length, that must be orthogonal to the rows
@@ -13,14 +13,14 @@ pub const INDEPENDENT: f64 = 1e-5;
 
 /// C, m: the mean position of the nodes, the reference point of rigid motions. Far from the machine
 /// itself a rotation would look like a translation.
-pub(crate) fn centre(machine: &Machine) -> Vector3<f64> {
+pub(crate) fn centre(machine: &Structure) -> Vector3<f64> {
     let sum: Vector3<f64> = machine.nodes.iter().map(|node| node.at).sum();
     sum / machine.nodes.len() as f64
 }
 
 /// A length, m, that makes rotations comparable with translations: the rms distance of the nodes
 /// from [`centre`], or 1 m if all nodes coincide.
-pub(crate) fn reach(machine: &Machine) -> f64 {
+pub(crate) fn reach(machine: &Structure) -> f64 {
     let middle = centre(machine);
     let squares = machine.nodes.iter();
     let squares = squares.map(|node| (node.at - middle).norm_squared());

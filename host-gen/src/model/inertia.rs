@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::independence::reach;
 use super::layout::Layout;
-use crate::machine::Machine;
+use crate::machine::Structure;
 
 /// The N coordinates of a machine, with and without inertia.
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ impl Inertia {
     /// `spread` tells of each coordinate whether mass is spread over it and others, as a beam's is
     /// over its ends; all others are those of rigid bodies alone.
     pub(super) fn new(
-        machine: &Machine,
+        machine: &Structure,
         layout: &Layout,
         mass: &DMatrix<f64>,
         spread: &[bool],

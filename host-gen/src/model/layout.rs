@@ -10,9 +10,9 @@ use core::ops::Range;
 
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
-use super::beam::transport;
 use super::independence::reach;
-use crate::machine::{Beam, Carrier, Machine};
+use crate::machine::{Beam, Carrier, Structure};
+use crate::numeric::motion::transport;
 
 /// The motion of a point, that is, its translation, m, and its rotation, rad, relative to the
 /// base, from the six coordinates that it depends on.
@@ -71,7 +71,7 @@ pub(crate) enum Owner {
 
 impl Owner {
     /// The entry in the machine file.
-    pub(crate) fn entry(self, machine: &Machine) -> String {
+    pub(crate) fn entry(self, machine: &Structure) -> String {
         match self {
             Self::Body(body) => format!("bodies.{}", machine.bodies[body].name),
             Self::Node(node) => format!("nodes.{}", machine.nodes[node].name),
@@ -89,7 +89,7 @@ impl Owner {
     }
 
     /// A name for lists: that of the body or node, or `BEAM[1]` for the first inner node.
-    pub(crate) fn name(self, machine: &Machine) -> String {
+    pub(crate) fn name(self, machine: &Structure) -> String {
         match self {
             Self::Body(body) => machine.bodies[body].name.clone(),
             Self::Node(node) => machine.nodes[node].name.clone(),
@@ -113,7 +113,7 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    pub(crate) fn new(machine: &Machine) -> Self {
+    pub(crate) fn new(machine: &Structure) -> Self {
         let bodies = machine.bodies.len();
         let mut owners: Vec<Owner> = (0..bodies).map(Owner::Body).collect();
         let nodes = machine.nodes.iter().enumerate();
@@ -175,7 +175,7 @@ impl Layout {
 
     /// Those of the coordinates that are of nodes of beams which no body carries, rigid or
     /// flexible.
-    pub(crate) fn of_beams(&self, machine: &Machine) -> Vec<usize> {
+    pub(crate) fn of_beams(&self, machine: &Structure) -> Vec<usize> {
         let sixes = self.owners.iter().enumerate();
         let own = sixes.filter(|(_, owner)| match **owner {
             Owner::Body(_) => false,
@@ -196,11 +196,27 @@ impl Layout {
     }
 
     /// The coordinates of a flexible body, by its index, in the order of its matrices.
-    pub(crate) fn flexible(&self, machine: &Machine, body: usize) -> Vec<usize> {
+    pub(crate) fn flexible(&self, machine: &Structure, body: usize) -> Vec<usize> {
         let nodes = machine.flexible[body].nodes.iter();
         let nodes = nodes.filter_map(|&node| self.nodes[node].follow);
         let nodes = nodes.flat_map(|follow| follow.first..follow.first + 6);
         nodes.chain(self.modal[body].clone()).collect()
+    }
+
+    /// Adds a matrix of a flexible body, in the order of the body's own matrices, to `whole`, N×N.
+    pub(crate) fn add_of_flexible(
+        &self,
+        machine: &Structure,
+        body: usize,
+        of_body: &DMatrix<f64>,
+        whole: &mut DMatrix<f64>,
+    ) {
+        let own = self.flexible(machine, body);
+        for (&j, column) in own.iter().zip(of_body.column_iter()) {
+            for (&i, x) in own.iter().zip(column.iter()) {
+                whole[(i, j)] += x;
+            }
+        }
     }
 
     /// A node, by its index in the machine.
@@ -209,7 +225,7 @@ impl Layout {
     }
 
     /// The points of a beam, by its index: end P, those between its elements, end Q.
-    pub(crate) fn along(&self, machine: &Machine, beam: usize) -> Vec<Point> {
+    pub(crate) fn along(&self, machine: &Structure, beam: usize) -> Vec<Point> {
         let Beam {
             ends: [p, q],
             segments,
@@ -224,13 +240,13 @@ impl Layout {
     }
 
     /// The two ends of a beam, by its index.
-    pub(crate) fn ends(&self, machine: &Machine, beam: usize) -> [Point; 2] {
+    pub(crate) fn ends(&self, machine: &Structure, beam: usize) -> [Point; 2] {
         machine.beams[beam].ends.map(|end| self.nodes[end])
     }
 
     /// Factors that make all coordinates lengths, m: 1 for translations, the machine's
     /// [`reach`] for rotations.
-    pub(crate) fn lengths(&self, machine: &Machine) -> DVector<f64> {
+    pub(crate) fn lengths(&self, machine: &Structure) -> DVector<f64> {
         let length = reach(machine);
         let mut lengths = DVector::from_element(self.size(), 1.0);
         for (i, x) in lengths.iter_mut().enumerate() {
@@ -253,7 +269,7 @@ impl Layout {
 
     /// Names of the coordinates that are not those of rigid bodies: `OWNER.x` to `OWNER.rz`, and
     /// `BODY.q1` and so on of a flexible body's modes.
-    pub(crate) fn names(&self, machine: &Machine) -> Vec<String> {
+    pub(crate) fn names(&self, machine: &Structure) -> Vec<String> {
         let own = self.owners[self.bodies..].iter();
         let names = own.flat_map(|owner| {
             let name = owner.name(machine);

@@ -10,4 +10,6 @@ pub mod independence;
 mod inertia;
 pub(crate) mod layout;
 pub mod multibody;
+mod spring;
+pub mod structure;
 pub mod template;

@@ -1,13 +1,14 @@
-//! The linear multibody model: rigid bodies and Euler–Bernoulli beams on a moving base.
+//! The linear multibody model: bodies, Euler–Bernoulli beams and springs on a moving base.
 //!
-//! The coordinates x are, for each body, the translation of its centre of gravity, m, and its
-//! rotation, rad, both relative to a frame that moves with the base. After them come the
-//! translation, m, and the rotation, rad, of each node that no body carries, in the order of the
-//! file, and of the nodes between the elements of beams with mass, beam by beam, from P to Q;
-//! last the modal coordinates of flexible bodies: N coordinates in all, 6n if there are n bodies and nothing else.
-//! The base motion b is the translation of its point at C, m, and its rotation, rad;
-//! C is the mean position of the nodes.
-//! The absolute motion of the machine is x + Φ·b, and deformations depend on x alone. So Eq. (1)
+//! The N coordinates x are relative to a frame that moves with the base. In this order:
+//!
+//! - for each rigid body, the translation of its centre of gravity, m, and its rotation, rad;
+//! - the same for each node that no rigid body carries, in the order of the file, and for the nodes
+//!   between the elements of beams with mass, beam by beam, from P to Q;
+//! - the modal coordinates of flexible bodies.
+//!
+//! The base motion b is the translation of its point at C, m, and its rotation, rad. C is the mean
+//! position of the nodes. The absolute motion of the machine is x + Φ·b, and deformations depend on x alone. So Eq. (1)
 //! becomes
 //!
 //! ```text
@@ -24,45 +25,21 @@
 //! at the ends of the leg remains, as for a leg without mass. Likewise a force sensor reads the
 //! mean axial force along the leg, σ − (EA/L)·e1 − c·ė1 with the elongation e1 between its ends.
 
-use core::ops::Range;
+use core::ops::Deref;
 
-use nalgebra::allocator::Allocator;
-use nalgebra::{
-    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix6, Matrix6xX, MatrixXx6, OMatrix,
-    RowVector6, U6, Vector3,
-};
+use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, RowVector6, Vector3};
 
-use super::beam::{
-    beam_mass, deformation_stiffness, deformations, motions, stiffness_factor, transport,
-};
-use super::flexible::flexible_factor;
-use super::gravity::Statics;
-use super::independence::{INDEPENDENT, centre, dependent, follows_from, reach};
-use super::inertia::Inertia;
-use super::layout::{Layout, Owner, Point};
-use crate::machine::{Carrier, Damping, Deformation, Direction, EntryError, Machine, MachineError};
-use crate::numeric::eigen::factored_eigen;
+use super::independence::{dependent, follows_from, reach};
+use super::structure::StructureModel;
+use crate::machine::{Carrier, Deformation, Direction, EntryError, Machine, MachineError};
+use crate::numeric::motion::transport;
 use crate::numeric::six::to_dynamic;
 
-/// The linear model of a machine with N coordinates, Eq. (1).
+/// The linear model of a machine with N coordinates, Eq. (1): that of its structure, whose fields it
+/// has, with degrees of freedom, legs and floor inputs.
 #[derive(Clone, Debug)]
 pub struct Multibody {
-    /// M of Eq. (1), N×N, kg, kg m and kg m².
-    pub mass: DMatrix<f64>,
-    /// K of Eq. (1), N×N, N/m, N and N m: elastic, plus the geometric stiffness under gravity.
-    pub stiffness: DMatrix<f64>,
-    /// Static loads under gravity and their geometric stiffness; empty without gravity.
-    pub statics: Statics,
-    /// Dampers along beams, N×N, N s/m, N s and N m s.
-    dampers: DMatrix<f64>,
-    /// Σ η·K over the beams with loss factor η, N×N.
-    losses: DMatrix<f64>,
-    damping: Damping,
-    /// Φ, N×6: motion of the machine from the motion of the base if nothing deforms. The base
-    /// motion is the translation at C, the mean position of the nodes, m, and the rotation, rad.
-    pub ride: MatrixXx6<f64>,
-    /// M_b, N×6, kg, kg m and kg m²; `None` where no beam with mass ends on the base.
-    footing: Option<MatrixXx6<f64>>,
+    structure: StructureModel,
     /// R, 6×6: displacements q_r of the floor inputs, m, from base motion, that is, the
     /// translation at C, m, and the rotation, rad. Between their accelerations, of which q̈_r is
     /// Eq. (8), the matrix is the same.
@@ -72,17 +49,14 @@ pub struct Multibody {
     pub coordinates: DMatrix<f64>,
     /// E, 6×N: elongations e1 of the legs, m, from x. Rows are in the order of the actuators.
     pub elongations: Matrix6xX<f64>,
-    /// C, m: the reference point of rigid motions.
-    centre: Vector3<f64>,
-    layout: Layout,
-    /// B, with BᵀB the elastic stiffness, √(N/m): six rows for each element of each beam, then
-    /// those of each flexible body.
-    factor: DMatrix<f64>,
-    /// The rows of B of each beam, then of each flexible body.
-    rows: Vec<Range<usize>>,
-    inertia: Inertia,
-    /// ω² and V, as in [`Modes`].
-    eigen: (DVector<f64>, DMatrix<f64>),
+}
+
+impl Deref for Multibody {
+    type Target = StructureModel;
+
+    fn deref(&self) -> &StructureModel {
+        &self.structure
+    }
 }
 
 /// The matrices of Eq. (2), for N coordinates: M_d·q̈_d + D_d·q̇_d + K_d·q_d = −M_r·q̈_r + B_0·σ_a.
@@ -101,179 +75,40 @@ pub struct EquationOfMotion {
     pub input: MatrixXx6<f64>,
 }
 
-/// The undamped modes of a machine with N coordinates, and the damping in modal coordinates.
-///
-/// There are N modes, less one for each motion without inertia: these follow the others
-/// without a motion of their own.
-#[derive(Clone, Debug)]
-pub struct Modes {
-    /// ω², rad²/s², one for each mode, ascending; negative for a mode that gravity makes unstable.
-    pub squares: DVector<f64>,
-    /// V, N rows: mode shapes as columns, with VᵀMV = 1.
-    pub shapes: DMatrix<f64>,
-    /// Δ = VᵀDV, 1/s. Diagonal unless there are dampers along beams.
-    pub damping: DMatrix<f64>,
-}
-
-impl Modes {
-    /// Natural frequencies, Hz, ascending. For a mode that gravity makes unstable, minus its rate
-    /// of growth over 2π.
-    pub fn hertz(&self) -> Vec<f64> {
-        self.squares
-            .iter()
-            .map(|square| square.signum() * square.abs().sqrt() / core::f64::consts::TAU)
-            .collect()
-    }
-}
-
-/// Something without inertia: its entry in the file, a sentence about it, what an actuator does
-/// to it, and what helps against that.
-struct Inert {
-    entry: String,
-    cause: String,
-    verb: &'static str,
-    fix: &'static str,
-}
-
-/// Modes whose ω² differ by this factor are the farthest apart that double precision resolves.
-const FARTHEST: f64 = 1e18;
-
 impl Multibody {
     /// Assembles M, D and K of Eq. (1), the degrees of freedom q_d of Eq. (7), and the
     /// displacements q_r whose accelerations q̈_r are the floor inputs of Eq. (8).
     ///
     /// # Errors
     /// If the deformations in q_d depend on each other, the floor inputs do not determine the
-    /// motion of a rigid base, or a body can move and neither a beam nor its weight holds it.
+    /// motion of a rigid base, or a body can move and no beam, no spring and no weight holds it.
     pub fn new(machine: &Machine) -> Result<Self, MachineError> {
-        let layout = Layout::new(machine);
+        let structure = StructureModel::assemble(machine);
+        let (layout, centre) = (&structure.layout, &structure.centre);
         let size = layout.size();
-        let centre = centre(machine);
-        let mut mass = DMatrix::zeros(size, size);
-        let mut ride = MatrixXx6::zeros(size);
-        for (i, body) in machine.bodies.iter().enumerate() {
-            mass.fixed_view_mut::<6, 6>(6 * i, 6 * i)
-                .copy_from(&body.mass_matrix());
-            ride.fixed_view_mut::<6, 6>(6 * i, 0)
-                .copy_from(&transport(&body.cog, &centre));
-        }
-        let beams = 0..machine.beams.len();
-        let along: Vec<_> = beams.map(|beam| layout.along(machine, beam)).collect();
-        let own = (0..machine.nodes.len()).map(|node| *layout.node(node));
-        let own = own.filter(|point| {
-            point
-                .follow
-                .is_some_and(|at| layout.own().contains(&at.first))
-        });
-        let inner = along.iter().flat_map(|points| &points[1..points.len() - 1]);
-        for point in own.chain(inner.copied()) {
-            if let Some(follow) = point.follow {
-                ride.fixed_view_mut::<6, 6>(follow.first, 0)
-                    .copy_from(&transport(&point.at, &centre));
-            }
-        }
-        let mut stiffness = DMatrix::zeros(size, size);
-        let mut dampers = DMatrix::zeros(size, size);
-        let mut losses = DMatrix::zeros(size, size);
-        let mut footing = None;
-        let mut spread = vec![false; size];
-        let elements = machine
-            .beams
-            .iter()
-            .map(|beam| beam.segments)
-            .sum::<usize>();
-        let mut factor = DMatrix::zeros(6 * elements, size);
-        let mut rows = Vec::new();
-        let beams = 0..machine.beams.len();
-        let whole = beams.map(|i| deformations(&machine.beams[i], &layout.ends(machine, i), size));
-        let whole: Vec<_> = whole.collect();
-        let mut next = 0;
-        for ((beam, points), whole) in machine.beams.iter().zip(&along).zip(&whole) {
-            let first = next;
-            let part = beam.part(beam.segments);
-            for ends in points.windows(2) {
-                let deformed = deformations(&part, ends, size);
-                let of_part = deformed.transpose() * deformation_stiffness(&part) * &deformed;
-                losses += beam.loss_factor * &of_part;
-                stiffness += of_part;
-                factor
-                    .rows_mut(next, 6)
-                    .copy_from(&(stiffness_factor(&part) * deformed));
-                next += 6;
-                if part.mass > 0.0 {
-                    let motions = motions(ends, size);
-                    let momentum = motions.transpose() * beam_mass(&part);
-                    for (i, point) in ends.iter().enumerate() {
-                        match point.follow {
-                            Some(follow) => spread[follow.first..follow.first + 6].fill(true),
-                            None => {
-                                let of_base = momentum.columns(6 * i, 6);
-                                *footing.get_or_insert_with(|| MatrixXx6::zeros(size)) +=
-                                    of_base * transport(&point.at, &centre);
-                            }
-                        }
-                    }
-                    mass += momentum * motions;
-                }
-            }
-            rows.push(first..next);
-            dampers += beam.damper * whole.row(0).transpose() * whole.row(0);
-        }
-        for (i, body) in machine.flexible.iter().enumerate() {
-            let own = layout.flexible(machine, i);
-            for (&i, rows) in own.iter().zip(body.mass.row_iter()) {
-                spread[i] = true;
-                for (&j, x) in own.iter().zip(rows.iter()) {
-                    mass[(i, j)] += x;
-                }
-            }
-            let of_body = flexible_factor(body);
-            let first = factor.nrows();
-            factor = factor.resize_vertically(first + of_body.nrows(), 0.0);
-            for (&i, column) in own.iter().zip(of_body.column_iter()) {
-                factor
-                    .view_mut((first, i), (column.len(), 1))
-                    .copy_from(&column);
-            }
-            rows.push(first..factor.nrows());
-            let own_factor = factor.rows_range(first..).into_owned();
-            let elastic = own_factor.transpose() * own_factor;
-            losses += body.loss_factor * &elastic;
-            stiffness += elastic;
-        }
         let mut coordinates = DMatrix::zeros(size, size);
         for (i, d) in machine.coordinates.iter().enumerate() {
-            coordinates.set_row(i, &whole[d.beam].row(d.component));
+            coordinates.set_row(i, &structure.deformation(machine, *d).transpose());
         }
         for i in layout.own() {
             coordinates[(i, i)] = 1.0;
         }
-        let elongations = Matrix6xX::from_rows(&machine.actuators.map(|beam| whole[beam].row(0)));
+        let elongations = Matrix6xX::from_rows(&machine.actuators.map(|beam| {
+            let elongation = Deformation { beam, component: 0 };
+            structure.deformation(machine, elongation).transpose()
+        }));
         let floor = Matrix6::from_rows(&machine.floor.each_ref().map(|input| {
             let at = machine.nodes[input.node].at;
-            input.direction.transpose() * transport(&at, &centre).fixed_rows::<3>(0)
+            input.direction.transpose() * transport(&at, centre).fixed_rows::<3>(0)
         }));
-        let inertia = Inertia::new(machine, &layout, &mass, &spread);
         let mut model = Self {
-            mass,
-            stiffness,
-            statics: Statics::default(),
-            dampers,
-            losses,
-            damping: machine.damping,
-            ride,
-            footing,
+            structure,
             floor,
             coordinates,
             elongations,
-            centre,
-            layout,
-            factor,
-            rows,
-            inertia,
-            eigen: (DVector::zeros(0), DMatrix::zeros(0, 0)),
         };
-        let checked = model.check(machine).and_then(|()| model.hold(machine));
+        let checked = model.check(machine);
+        let checked = checked.and_then(|()| model.structure.hold(machine));
         checked.map_err(|fault| machine.locate(fault))?;
         Ok(model)
     }
@@ -341,268 +176,6 @@ impl Multibody {
         Ok(())
     }
 
-    /// What has no inertia in `motion`, one of those without.
-    fn inert(&self, machine: &Machine, motion: &[f64]) -> Inert {
-        let size = |from: usize| motion[from..from + 3].iter().map(|x| x * x).sum::<f64>();
-        let most = |rotation: usize| {
-            let sixes = 0..self.layout.owners().len();
-            let order =
-                |a: &usize, b: &usize| size(6 * a + rotation).total_cmp(&size(6 * b + rotation));
-            sixes.max_by(order).unwrap_or(0)
-        };
-        let (turned, shifted) = (most(3), most(0));
-        let rotates = size(6 * turned + 3) > 0.0;
-        let owner = self.layout.owners()[if rotates { turned } else { shifted }];
-        let entry = owner.entry(machine);
-        if !rotates {
-            return Inert {
-                entry,
-                cause: format!("{} has no mass", owner.subject()),
-                verb: "moves it",
-                fix: "let a body carry it, or give a beam that ends on it a mass",
-            };
-        }
-        let turn = Vector3::from_column_slice(&motion[6 * turned + 3..6 * turned + 6]).normalize();
-        // Adding zero turns -0.00 into 0.00.
-        let parts = turn
-            .iter()
-            .map(|x| format!("{:.2}", (100.0 * x).round() / 100.0 + 0.0));
-        let axis = parts.collect::<Vec<_>>().join(", ");
-        let body = matches!(owner, Owner::Body(_));
-        Inert {
-            entry: if body {
-                format!("{entry}.inertia")
-            } else {
-                entry
-            },
-            cause: format!(
-                "a rotation of {} has no inertia, about [{axis}]",
-                owner.subject()
-            ),
-            verb: "turns it",
-            fix: "give it a small inertia, or move the end of the leg onto the axis",
-        }
-    }
-
-    /// Finds the modes and the static loads, and checks that beams or weight hold every body.
-    fn hold(&mut self, machine: &Machine) -> Result<(), EntryError> {
-        let lengths = self.layout.lengths(machine);
-        self.hold_turns(machine)?;
-        self.eigen = self.natural();
-        let free = self.free(&lengths);
-        let gravity = machine.gravity.norm();
-        if gravity == 0.0 {
-            return match free.first() {
-                Some(&i) => Err(EntryError::new(
-                    self.owner_of(i).entry(machine),
-                    format!(
-                        "{} can move without deforming any beam that is stiff",
-                        self.owner_of(i).subject()
-                    ),
-                )
-                .fix("support it by more or stiffer beams")),
-                None => self.resolve(machine),
-            };
-        }
-        let sag = self.sag(machine, &free)?;
-        self.statics = Statics::new(machine, &self.layout, &sag);
-        self.stiffness += &self.statics.geometric;
-        self.hold_turns(machine)?;
-        self.eigen = self.natural();
-        let slow = 1e-6 * gravity / reach(machine);
-        let mut free = self.free(&lengths).into_iter();
-        let free = free.find(|&i| self.eigen.0[i].abs() < slow);
-        match free {
-            Some(i) => Err(EntryError::new(
-                self.owner_of(i).entry(machine),
-                format!(
-                    "{} can move without deforming any beam, and its weight does not hold it either",
-                    self.owner_of(i).subject()
-                ),
-            )
-            .fix("support it by more beams")),
-            None => self.resolve(machine),
-        }
-    }
-
-    /// Checks that beams hold the motions without inertia.
-    fn hold_turns(&self, machine: &Machine) -> Result<(), EntryError> {
-        let without = &self.inertia.without;
-        if without.ncols() == 0 {
-            return Ok(());
-        }
-        let held = without.transpose() * &self.stiffness * without;
-        let scale = self.stiffness.diagonal().amax();
-        let held = held.symmetric_eigen();
-        let softest = held.eigenvalues.imin();
-        if held.eigenvalues[softest] > 1e-14 * scale {
-            return Ok(());
-        }
-        let motion = without * held.eigenvectors.column(softest);
-        let inert = self.inert(machine, motion.as_slice());
-        Err(EntryError::new(
-            inert.entry,
-            format!("{}, and no beam holds it", inert.cause),
-        )
-        .fix("give it a small inertia, or a beam with bending or torsional stiffness"))
-    }
-
-    /// Checks that double precision resolves the slowest mode beside the fastest.
-    fn resolve(&self, machine: &Machine) -> Result<(), EntryError> {
-        let (squares, shapes) = &self.eigen;
-        let (lowest, highest) = (
-            squares.iter().fold(f64::INFINITY, |a, x| a.min(x.abs())),
-            squares.amax(),
-        );
-        if lowest > highest / FARTHEST {
-            return Ok(());
-        }
-        let shape = shapes.column(squares.len() - 1);
-        let strain = &self.factor * shape;
-        let part = (0..self.rows.len()).max_by(|&a, &b| {
-            let energy = |part: usize| strain.rows_range(self.rows[part].clone()).norm_squared();
-            energy(a).total_cmp(&energy(b))
-        });
-        let part = part.unwrap_or(0);
-        let (entry, what, fix) = match part.checked_sub(machine.beams.len()) {
-            Some(body) => (
-                format!("flexible_bodies.{}", machine.flexible[body].name),
-                "flexible body",
-                "reduce it to fewer modes and nodes",
-            ),
-            None => (
-                format!("beams.{}", machine.beams[part].name),
-                "beam",
-                "make it less stiff, or make one body of what it joins",
-            ),
-        };
-        let hertz = |square: f64| square.abs().sqrt() / core::f64::consts::TAU;
-        Err(EntryError::new(
-            entry,
-            format!(
-                "natural frequencies from {:.1e} to {:.1e} Hz are too far apart for double precision, and this {what} makes the highest",
-                hertz(lowest),
-                hertz(highest)
-            ),
-        )
-        .fix(fix))
-    }
-
-    /// The modes that deform no beam, by index.
-    fn free(&self, lengths: &DVector<f64>) -> Vec<usize> {
-        let (squares, shapes) = &self.eigen;
-        let highest = squares.amax();
-        let rows: Vec<DVector<f64>> = self
-            .factor
-            .row_iter()
-            .map(|row| row.transpose().component_div(lengths))
-            .filter(|row| row.norm() > 0.0)
-            .map(|row| row.normalize())
-            .collect();
-        (0..squares.len())
-            // Where rounding of typed positions can be all that is stiff.
-            .filter(|&i| squares[i].abs() <= 1e-10 * highest)
-            .filter(|&i| {
-                let shape = shapes.column(i).component_mul(lengths);
-                let motion = INDEPENDENT * shape.norm();
-                rows.iter().all(|row| row.dot(&shape).abs() <= motion)
-            })
-            .collect()
-    }
-
-    /// What has the most kinetic energy in a mode.
-    fn owner_of(&self, mode: usize) -> Owner {
-        let shape = self.eigen.1.column(mode);
-        let energy = |i: usize| {
-            let part = shape.rows(6 * i, 6);
-            part.dot(&(self.mass.view((6 * i, 6 * i), (6, 6)) * part))
-        };
-        let sixes = 0..self.layout.owners().len();
-        let heaviest = sixes.max_by(|&a, &b| energy(a).total_cmp(&energy(b)));
-        self.layout.owners()[heaviest.unwrap_or(0)]
-    }
-
-    /// The static displacement x under gravity, N, of the elastic machine; none
-    /// along the `free` modes.
-    fn sag(&self, machine: &Machine, free: &[usize]) -> Result<DVector<f64>, EntryError> {
-        let (squares, shapes) = &self.eigen;
-        let falls = RowVector6::from_fn(|_, i| if i < 3 { machine.gravity[i] } else { 0.0 });
-        let falls = falls.transpose();
-        let mut weight = &self.mass * (&self.ride * falls);
-        if let Some(footing) = &self.footing {
-            weight += footing * falls;
-        }
-        let push = shapes.transpose() * weight;
-        let mut sag = DVector::zeros(shapes.nrows());
-        for (i, shape) in shapes.column_iter().enumerate() {
-            if !free.contains(&i) {
-                sag.axpy(push[i] / squares[i], &shape, 1.0);
-            } else if push[i].abs() > 10.0 * INDEPENDENT * push.norm() {
-                return Err(EntryError::new(
-                    self.owner_of(i).entry(machine),
-                    format!(
-                        "{} falls: no beam carries its weight",
-                        self.owner_of(i).subject()
-                    ),
-                )
-                .fix("support it by more beams"));
-            }
-        }
-        Ok(sag)
-    }
-
-    /// ω² and V of the undamped modes, with VᵀMV = 1 and the largest entry of each shape positive.
-    ///
-    /// What has no inertia follows statically.
-    fn natural(&self) -> (DVector<f64>, DMatrix<f64>) {
-        let Inertia { with, without } = &self.inertia;
-        let mut basis = with.clone();
-        if without.ncols() > 0 {
-            let held = without.transpose() * &self.stiffness * without;
-            let pull = without.transpose() * &self.stiffness * with;
-            let follow = held.lu().solve(&pull);
-            basis -= without * follow.expect("these motions were checked to be held");
-        }
-        let geometric = &self.statics.geometric;
-        let geometric = (geometric.nrows() > 0).then(|| basis.transpose() * geometric * &basis);
-        let (squares, turned) = factored_eigen(&(&self.factor * &basis), geometric.as_ref());
-        let mut shapes = basis * turned;
-        for mut shape in shapes.column_iter_mut() {
-            if shape[shape.icamax()] < 0.0 {
-                shape.neg_mut();
-            }
-        }
-        (squares, shapes)
-    }
-
-    /// The undamped modes, and the damping in modal coordinates.
-    ///
-    /// Damping is the sum of modal damping, Rayleigh damping, loss factors and dampers.
-    pub fn modes(&self) -> Modes {
-        let (squares, shapes) = self.eigen.clone();
-        let [alpha, beta] = self.damping.rayleigh;
-        let mut damping = DMatrix::from_diagonal(&squares.map(|square| {
-            2.0 * self.damping.modal * square.abs().sqrt() + alpha + beta * square.abs()
-        }));
-        // Without dampers the product would add rounding errors off the diagonal.
-        if self.dampers.amax() > 0.0 {
-            damping += shapes.transpose() * &self.dampers * &shapes;
-        }
-        // A loss factor η dissipates η times the peak strain energy per radian. So the relative
-        // damping of a mode is half the mean of η, weighted by strain energy.
-        for (i, shape) in shapes.column_iter().enumerate() {
-            let lost = shape.dot(&(&self.losses * shape));
-            if lost > 0.0 {
-                damping[(i, i)] += lost / squares[i].abs().sqrt();
-            }
-        }
-        Modes {
-            squares,
-            shapes,
-            damping,
-        }
-    }
-
     /// The matrices of Eq. (2): M_d, D_d, K_d, M_r and B_0.
     ///
     /// They follow from body coordinates with x = E_d⁻¹·q_d.
@@ -627,70 +200,11 @@ impl Multibody {
         }
     }
 
-    /// `rows`·P, k×6: the momentum of the motions that are the k `rows` of N entries, with the
-    /// machine riding on the base at 1 m/s and 1 rad/s.
-    pub(crate) fn momentum<R: Dim>(&self, rows: &OMatrix<f64, R, Dyn>) -> OMatrix<f64, R, U6>
-    where
-        DefaultAllocator: Allocator<R, Dyn> + Allocator<R, U6>,
-    {
-        let of_machine = rows * &self.mass * &self.ride;
-        match &self.footing {
-            Some(footing) => of_machine + rows * footing,
-            None => of_machine,
-        }
-    }
-
-    /// N×6: the machine moves as one rigid body with the base, except for the nodes of beams that
-    /// no body carries, which follow statically with the base at rest. [`ride`](Self::ride) if
-    /// there are none. `None` if nothing holds these nodes.
-    pub(crate) fn as_one_body(&self, machine: &Machine) -> Option<MatrixXx6<f64>> {
-        let mut shapes = self.ride.clone();
-        let own = self.layout.of_beams(machine);
-        if !own.is_empty() {
-            for &i in &own {
-                shapes.row_mut(i).fill(0.0);
-            }
-            let rows = self.stiffness.select_rows(&own);
-            let pull = &rows * &shapes;
-            let follow = rows.select_columns(&own).lu().solve(&pull)?;
-            for (&i, row) in own.iter().zip(follow.row_iter()) {
-                shapes.set_row(i, &-row);
-            }
-        }
-        Some(shapes)
-    }
-
-    /// Rows of the beam with this index, those of flexible bodies counted after all beams, √(N/m):
-    /// half the sum of their squares is its strain energy, J, in the motion x.
-    pub(crate) fn strain(&self, part: usize) -> DMatrix<f64> {
-        self.factor.rows_range(self.rows[part].clone()).into_owned()
-    }
-
     /// Names of the degrees of freedom q_d.
     pub(crate) fn coordinate_names(&self, machine: &Machine) -> Vec<String> {
         let deformations = machine.coordinates.iter();
         let deformations = deformations.map(|d| machine.deformation_name(*d));
         deformations.chain(self.layout.names(machine)).collect()
-    }
-
-    /// The points of a beam, by its index, from P to Q.
-    pub(crate) fn along(&self, machine: &Machine, beam: usize) -> Vec<Point> {
-        self.layout.along(machine, beam)
-    }
-
-    /// A node of the machine, by its index.
-    pub(crate) fn node(&self, node: usize) -> &Point {
-        self.layout.node(node)
-    }
-
-    /// The coordinates of a flexible body, by its index, in the order of its matrices.
-    pub(crate) fn flexible(&self, machine: &Machine, body: usize) -> Vec<usize> {
-        self.layout.flexible(machine, body)
-    }
-
-    /// What the coordinates belong to, six by six, those of modes left out.
-    pub(crate) fn owners(&self) -> &[Owner] {
-        self.layout.owners()
     }
 
     /// R⁻¹, 6×6: the motion of the base, that is, the translation at C, m, and the rotation, rad,
@@ -716,31 +230,6 @@ impl Multibody {
             column *= *part;
         }
         self.floor * motions
-    }
-
-    /// The translation of a node along a direction, m, as two rows: N entries from x, zero for a
-    /// base node, and six from base motion.
-    ///
-    /// The sum of both parts is the absolute translation.
-    pub fn direction(&self, machine: &Machine, d: &Direction) -> (DVector<f64>, RowVector6<f64>) {
-        let node = &machine.nodes[d.node];
-        let mut relative = DVector::zeros(self.mass.nrows());
-        if let Some(follow) = self.layout.node(d.node).follow {
-            let row = d.direction.transpose() * follow.map.fixed_rows::<3>(0);
-            relative
-                .rows_mut(follow.first, 6)
-                .copy_from(&row.transpose());
-        }
-        let ride = d.direction.transpose() * transport(&node.at, &self.centre).fixed_rows::<3>(0);
-        (relative, ride)
-    }
-
-    /// The translation of a node relative to the base, m, for a motion x of the machine, N.
-    pub fn translation(&self, node: usize, motion: &DVector<f64>) -> Vector3<f64> {
-        match self.layout.node(node).follow {
-            None => Vector3::zeros(),
-            Some(follow) => follow.map.fixed_rows::<3>(0) * motion.fixed_rows::<6>(follow.first),
-        }
     }
 
     /// The mean translation of the frame's ends of the legs along an axis, 0 to 2 for x, y, z, in
@@ -769,13 +258,5 @@ impl Multibody {
         // Not 0/0: a leg without an end on a body has no elongation, and the legs were checked to
         // be independent.
         (sum.0 / count, sum.1 / count)
-    }
-
-    /// A deformation of a beam between its ends, m, as a row of N entries from x.
-    pub fn deformation(&self, machine: &Machine, d: Deformation) -> DVector<f64> {
-        let ends = self.layout.ends(machine, d.beam);
-        deformations(&machine.beams[d.beam], &ends, self.layout.size())
-            .row(d.component)
-            .transpose()
     }
 }

@@ -5,6 +5,7 @@ pub mod eigen;
 pub mod exposure;
 pub mod frequencies;
 pub(crate) mod loci;
+pub(crate) mod motion;
 pub mod pencil;
 pub mod power_law;
 pub(crate) mod products;
@@ -12,6 +13,7 @@ pub mod quadrature;
 pub mod rows;
 pub mod singular;
 pub mod six;
+pub(crate) mod unit_diagonal;
 pub mod vector_fit;
 
 /// Why a computation has no result.

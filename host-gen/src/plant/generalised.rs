@@ -17,7 +17,8 @@ use super::response::{Gain, Response, Terms, continuous, contour};
 use super::state_space::{INPUTS, Outputs, StateSpace};
 use crate::machine::{EntryError, FeedbackKind, Machine, MachineError, Performance};
 use crate::model::design_model::DesignModel;
-use crate::model::multibody::{Modes, Multibody};
+use crate::model::multibody::Multibody;
+use crate::model::structure::Modes;
 use crate::numeric::frequencies::pole_peaks;
 
 /// The generalised plant of a flexible machine, continuous, with its rows of outputs.

@@ -66,6 +66,42 @@ fn missing_key() {
     );
 }
 
+/// All of them at once, each with what it is, by tables: those nearer to the top first.
+#[test]
+fn missing_keys() {
+    refused(
+        "mass = 742.0\n",
+        "",
+        "[bodies.frame]",
+        "bodies.frame",
+        "missing key `mass`; add it: Mass of the body, kg",
+    );
+    let mut table: toml::Table = model_text().parse().unwrap();
+    table.remove("coordinates");
+    table.remove("board");
+    table["bodies"]["lens"]
+        .as_table_mut()
+        .unwrap()
+        .remove("cog");
+    table["control"].as_table_mut().unwrap().remove("damping");
+    let error = parse(&table.to_string()).unwrap_err();
+    assert_eq!(error.entry(), "");
+    let keys = [
+        "`coordinates`",
+        "`board`",
+        "`control.damping`",
+        "`bodies.lens.cog`",
+    ];
+    assert_eq!(error.message(), format!("missing keys {}", keys.join(", ")));
+    let fix = error.fix().unwrap();
+    for says in [
+        "add them: `coordinates`, The degrees of freedom q_d, Eq. (7)",
+        "`bodies.lens.cog`, Position `[x, y, z]` of the centre of gravity, m",
+    ] {
+        assert!(fix.contains(says), "{fix}");
+    }
+}
+
 #[test]
 fn wrong_layout() {
     refused(

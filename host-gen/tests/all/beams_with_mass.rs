@@ -59,7 +59,7 @@ fn cantilever(segments: usize) -> String {
     ))
 }
 
-fn model(text: &str) -> (Machine, Multibody) {
+pub fn model(text: &str) -> (Machine, Multibody) {
     let machine = parse(text).unwrap();
     let model = Multibody::new(&machine).unwrap();
     (machine, model)
@@ -81,13 +81,13 @@ fn of_rod(text: &str) -> Vec<f64> {
 }
 
 /// The part by which the nearest of `found` differs from `expected`.
-fn nearest(found: &[f64], expected: f64) -> f64 {
+pub fn nearest(found: &[f64], expected: f64) -> f64 {
     let parts = found.iter().map(|hz| hz / expected - 1.0);
     parts.min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap()
 }
 
 /// The root of f between `low` and `high`, where it changes its sign.
-fn root(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+pub fn root(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..200 {
         let middle = 0.5 * (low + high);
         if f(low) * f(middle) <= 0.0 {
@@ -100,7 +100,7 @@ fn root(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 }
 
 /// Bending frequency, Hz, of a root β·L, with the second moment of area.
-fn bending(root: f64, second: f64) -> f64 {
+pub fn bending(root: f64, second: f64) -> f64 {
     let [e, _, density] = STEEL;
     (root / LENGTH).powi(2) * (e * second / (density * AREA)).sqrt() / TAU
 }

@@ -284,6 +284,45 @@ fn it_swings_like_a_rigid_body() {
     }
 }
 
+/// Each elastic mode φ of the free rod has φᵀDφ = 2ζω and no part in the others; rigid motions are
+/// not damped. So it is with Guyan's matrices, and with some modes of the held rod.
+#[test]
+fn free_modes_have_their_damping() {
+    let ratio = 0.03;
+    for modes in [0, 4] {
+        let [m, k] = reduced(modes, 1.0);
+        let body = format!("{BODY}modal_damping = {ratio:?}\n[damping]\nmodal = 0.0\n");
+        let machine = with(&[m.clone(), k.clone()], &body).unwrap();
+        let model = Multibody::new(&machine).unwrap();
+        let of_machine = model.modes();
+        // D = M·V·Δ·Vᵀ·M: all motions have inertia.
+        let momentum = &model.mass * &of_machine.shapes;
+        let whole = &momentum * of_machine.damping * momentum.transpose();
+        let n = m.nrows();
+        let first = 6 * machine.bodies.len();
+        let own = whole.view((first, first), (n, n));
+        let (squares, shapes) = generalised_eigen(&k, &m).unwrap();
+        let damping = shapes.transpose() * own * &shapes;
+        let highest = 2.0 * ratio * squares.max().sqrt();
+        for i in 0..n {
+            for j in 0..n {
+                let exact = if i == j && i >= 6 {
+                    2.0 * ratio * squares[i].sqrt()
+                } else {
+                    0.0
+                };
+                let off = (damping[(i, j)] - exact).abs();
+                assert!(off < 1e-7 * highest, "{i} {j}: {off:e} of {exact:e}");
+            }
+        }
+        assert!((whole.amax() - own.amax()).abs() < 1e-9 * own.amax());
+    }
+    let [m, k] = reduced(0, 1.0);
+    let error = with(&[m, k], &format!("{BODY}modal_damping = 1.0\n")).unwrap_err();
+    assert_eq!(error.entry(), "flexible_bodies.rod.modal_damping");
+    assert!(error.message().contains("below 1"), "{error}");
+}
+
 #[test]
 fn each_wrong_matrix_has_its_error() {
     let right = reduced(2, 1.0);

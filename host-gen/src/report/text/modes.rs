@@ -133,12 +133,14 @@ impl Display for ModeAnalysis {
         } else {
             self.write_side_by_side(f)?;
         }
-        write!(f, "  Design model ({}), Hz:", self.reduction)?;
-        for hz in self.rigid_modes_hz {
-            let decimals = if hz < 1e4 { 3 } else { 0 };
-            write!(f, " {hz:.decimals$}")?;
+        if let Some(control) = &self.control {
+            write!(f, "  Design model ({}), Hz:", control.reduction)?;
+            for hz in control.rigid_modes_hz {
+                let decimals = if hz < 1e4 { 3 } else { 0 };
+                write!(f, " {hz:.decimals$}")?;
+            }
+            writeln!(f)?;
         }
-        writeln!(f)?;
         if !self.leg_loads.is_empty() {
             let head = cells(["Under gravity", "axial force, N", "buckling load, N", ""]);
             let rows = self.leg_loads.iter().map(|load| {
@@ -156,7 +158,7 @@ impl Display for ModeAnalysis {
         if self.modes.first().is_some_and(|mode| mode.hz < 0.0) {
             writeln!(
                 f,
-                "  Under gravity the machine is unstable: a negative Hz is the growth rate of such a mode."
+                "  The machine is unstable: a negative Hz is the growth rate of such a mode."
             )?;
         }
         Ok(())

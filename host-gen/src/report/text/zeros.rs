@@ -33,6 +33,8 @@ impl Display for ZeroAnalysis {
             if kind.unstable {
                 let cause = if kind.by_weight {
                     "With the sensor outputs held at zero, the machine is unstable:\n    its stiffness under gravity is negative."
+                } else if kind.by_springs {
+                    "With the sensor outputs held at zero, the machine is unstable:\n    the negative stiffness of its springs is too large."
                 } else {
                     "It is so without gravity, too:\n    the sensors are not where the legs act."
                 };

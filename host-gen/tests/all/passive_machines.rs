@@ -1,0 +1,164 @@
+//! Machines without control: files with none of its tables.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use host_gen::analysis::modes::ModeAnalysis;
+use host_gen::machine::{MachineError, Structure};
+use host_gen::model::multibody::Multibody;
+use host_gen::model::structure::StructureModel;
+use toml::Table;
+
+use crate::common::{model_text, parse};
+
+fn passive(text: &str) -> Result<Option<Structure>, MachineError> {
+    Structure::parse_passive(Path::new("passive.toml"), text)
+}
+
+/// Two masses in a row on springs from the base, nothing else: no bodies, no beams.
+const ROW: &str = r#"
+format = 1
+name = "row"
+
+[nodes]
+wall = [0.0, 0.0, 0.0]
+near = [0.0, 0.0, 0.0]
+far = [0.0, 0.0, 0.0]
+
+[base]
+nodes = ["wall"]
+
+[free]
+nodes = ["near", "far"]
+
+[point_masses]
+first = { node = "near", mass = 2.0 }
+second = { node = "far", mass = 3.0 }
+
+[springs.foot]
+nodes = ["wall", "near"]
+stiffness = [4e5, 5e5, 6e5]
+rotational_stiffness = [1e3, 1e3, 1e3]
+
+[springs.between]
+nodes = ["near", "far"]
+stiffness = [1e5, 2e5, 3e5]
+rotational_stiffness = [1e3, 1e3, 1e3]
+"#;
+
+const CONTROL: [&str; 7] = [
+    "coordinates",
+    "actuators",
+    "sensors",
+    "floor",
+    "performance",
+    "control",
+    "board",
+];
+
+#[test]
+fn two_masses_on_springs() {
+    let structure = passive(ROW).unwrap().unwrap();
+    let model = StructureModel::new(&structure).unwrap();
+    let mut exact = Vec::new();
+    for (k, c) in [(4e5, 1e5), (5e5, 2e5), (6e5, 3e5)] {
+        // ω⁴ − (a + b)·ω² + k·c/(m·M) = 0.
+        let (a, b) = ((k + c) / 2.0, c / 3.0);
+        let apart = f64::sqrt((a - b) * (a - b) / 4.0 + c * c / 6.0);
+        exact.extend([0.5 * (a + b) - apart, 0.5 * (a + b) + apart]);
+    }
+    exact.sort_by(f64::total_cmp);
+    let found = model.modes().hertz();
+    assert_eq!(found.len(), 6);
+    for (hz, square) in found.iter().zip(exact) {
+        assert!((hz * TAU / square.sqrt() - 1.0).abs() < 1e-9, "{hz}");
+    }
+    // 0.005 in every mode by default.
+    assert_eq!(structure.damping.modal, 0.005);
+}
+
+/// The metrology frame without what is of control has its modes.
+#[test]
+fn control_does_not_change_the_modes() {
+    for gravity in ["", "gravity = [0.0, 0.0, -9.81]\n"] {
+        let text = format!("{gravity}{}", model_text());
+        let mut table: Table = text.parse().unwrap();
+        let machine = parse(&text).unwrap();
+        for key in CONTROL {
+            table.remove(key);
+        }
+        // Sources of numbers that are no longer there.
+        table.remove("provenance");
+        let structure = passive(&table.to_string()).unwrap().unwrap();
+        assert_eq!(structure, machine.structure);
+        let with = Multibody::new(&machine).unwrap();
+        let without = StructureModel::new(&structure).unwrap();
+        assert_eq!(with.modes().hertz(), without.modes().hertz());
+        let analysis = ModeAnalysis::passive(&structure).unwrap();
+        let json = serde_json::to_value(&analysis).unwrap();
+        assert_eq!(json["modes"].as_array().unwrap().len(), 12);
+        for key in ["equation_of_motion", "rigid_modes_hz", "model_sha256"] {
+            assert!(json.get(key).is_none(), "{key}");
+        }
+        assert!(!analysis.to_string().contains("Design model"));
+    }
+}
+
+/// With any of control's tables, a file is that of a machine, and the others are missing.
+#[test]
+fn a_part_of_control_is_not_enough() {
+    for key in CONTROL {
+        let text = format!("{ROW}[{key}]\n");
+        assert_eq!(passive(&text).unwrap(), None);
+        let error = parse(&text).unwrap_err();
+        for other in CONTROL {
+            let says = error.message().contains(&format!("`{other}`"));
+            assert_eq!(says, other != key, "{error}");
+        }
+        assert!(!error.to_string().contains("works without"), "{error}");
+    }
+    let error = parse(ROW).unwrap_err();
+    assert!(error.message().contains("missing keys `coordinates`"));
+    let fix = error.fix().unwrap();
+    assert!(
+        fix.starts_with("host-gen modes works without control; for all else add them: "),
+        "{fix}"
+    );
+}
+
+#[test]
+fn mistakes_are_named() {
+    for (old, new, entry, says) in [
+        (
+            "mass = 2.0",
+            "mass = -2.0",
+            "point_masses.first.mass",
+            "above 0 kg",
+        ),
+        (
+            "mass = 2.0",
+            "weight = 2.0",
+            "point_masses.first.weight",
+            "unknown key",
+        ),
+        (
+            "[point_masses]\nfirst = { node = \"near\", mass = 2.0 }\nsecond = { node = \"far\", mass = 3.0 }\n",
+            "",
+            "bodies",
+            "at least one body",
+        ),
+        ("[base]\nnodes = [\"wall\"]\n", "", "", "missing key `base`"),
+        ("format = 1", "format = 2", "format", "format 2 is unknown"),
+    ] {
+        assert!(ROW.contains(old), "{old}");
+        let error = passive(&ROW.replace(old, new)).unwrap_err();
+        assert_eq!(error.entry(), entry, "{error}");
+        assert!(error.message().contains(says), "{error}");
+    }
+    let loose = ROW.replace("[1e5, 2e5, 3e5]", "[1e5, 0.0, 3e5]");
+    let structure = passive(&loose).unwrap().unwrap();
+    let error = StructureModel::new(&structure).unwrap_err();
+    assert_eq!(error.entry(), "nodes.far");
+    assert!(error.message().contains("can move"), "{error}");
+    assert!(error.place().is_some(), "{error}");
+}
