@@ -25,7 +25,7 @@ import ecos
 import numpy as np
 from scipy import sparse
 from scipy.io import mmread
-from scipy.linalg import expm
+from scipy.linalg import eigvals, expm
 
 bound, table, folder = (Path(name) for name in sys.argv[1:4])
 bound = json.loads(bound.read_text())
@@ -351,9 +351,13 @@ def square_of(found, file, f, w):
 
 if bound["rms"]:
     file = tomllib.loads((folder / "machine.toml").read_text())
-    poles = [x for x in np.linalg.eigvals(A) if x.imag > 1]
+    poles = np.linalg.eigvals(A)
+    # Transmission zeros from legs to sensors.
+    zeros = eigvals(np.block([[A, B[:, 6:]], [C[outputs:], D[outputs:, 6:]]]),
+                    np.diag([1.0] * n + [0.0] * 6))
+    peaks = [x for x in (*poles, *zeros[np.isfinite(zeros)]) if 1 < x.imag < np.pi / T]
     for kind, found in bound["rms"]["found"].items():
-        sharp = [(abs(x) / 2 / np.pi, -x.real / 2 / np.pi) for x in poles]
+        sharp = [(abs(x) / 2 / np.pi, max(abs(x.real), 1e-5 * abs(x)) / 2 / np.pi) for x in peaks]
         for term in found["certificate"][0]["function"]["terms"]:
             d0, d1, _ = term["denominator"]
             if d1 and d1 * d1 < 4 * d0:

@@ -310,7 +310,7 @@ impl Point {
 
     /// The least motion + Re(phi·t) in the ball, from below, without weight: to `tolerance`, if
     /// that is found.
-    fn least(&self, pattern: &Pattern, phi: &Entries, tolerance: f64) -> f64 {
+    pub(super) fn least(&self, pattern: &Pattern, phi: &Entries, tolerance: f64) -> f64 {
         let mut t = Entries::zeros(pattern.len());
         let mut best = self.below(pattern, phi, &t);
         let Some(motion) = &self.motion else {
