@@ -232,7 +232,8 @@ fn complex(x: &DVector<f64>) -> Entries {
     Entries::from_fn(count, |i, _| Complex::new(x[i], x[count + i]))
 }
 
-/// The cost of T at a point, value + slope·δx + ½·δxᵀ·curvature·δx in real and imaginary parts.
+/// How the cost at a point changes with T: slope·δx + ½·δxᵀ·curvature·δx, with the real parts of the
+/// entries in x, then the imaginary ones.
 struct Expansion {
     slope: DVector<f64>,
     curvature: DMatrix<f64>,
@@ -264,7 +265,7 @@ impl Point {
                 .map(|(i, j)| wall.slope[(*j, *i)] * twice),
         );
         let scale = twice * wall.radius * wall.radius;
-        // The curvature is xᴴ·hermitian·x + Re(xᵀ·symmetric·x).
+        // The second derivative along z is zᴴ·hermitian·z + Re(zᵀ·symmetric·z).
         let of = &pattern.entries;
         let mut curvature = DMatrix::zeros(2 * count, 2 * count);
         let weighted = self.motion.as_ref().map(|motion| (motion, self.weight));

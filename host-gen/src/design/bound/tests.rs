@@ -241,8 +241,8 @@ fn kalmans_predictor_is_found() {
 #[test]
 fn the_mean_square_falls_with_the_peak_sensitivity() {
     let of = |sensitivity: f64| predicted(0.95, 1e-2, 2, sensitivity)[1];
-    let found = [1.001, 1.1, 1.3, 1.8, 100.0].map(of);
-    assert!(found.is_sorted_by(|a, b| *a > 1.01 * b), "{found:?}");
+    let found = [1.0001, 1.1, 1.3, 1.6, 100.0].map(of);
+    assert!(found.is_sorted_by(|a, b| *a > 1.003 * b), "{found:?}");
     let open = (1.0 - 0.95_f64.powi(2)).recip();
     assert!(
         found[0] < open && found[0] > 0.95 * open,
@@ -271,7 +271,7 @@ fn a_ball_has_what_keeps_both_limits() {
             };
             // −Re(phi·t) at the point of the ball that is farthest in the direction of `x` − 0.5.
             let phi = -(x - 0.5).conj() / (x - 0.5).norm();
-            let phi = nalgebra::DVector::from_element(2, phi);
+            let phi = DVector::from_element(2, phi);
             let least = point.least(&pattern, &phi, 0.0);
             2.0 * (phi[0] * x).re >= least - 1e-9
         };
@@ -307,10 +307,13 @@ fn a_loop_is_above_the_bound_of_its_mean_square() {
     let grid = MeanSquares::new(&bounds, &sources).expect("the zeros converge");
     let [low, high] = sources.band;
     let mut square = 0.0;
-    for (hz, weight) in grid.grid(&divided(&grid.edges, 100.0)) {
+    let nodes = grid.grid(&divided(&grid.edges, 100.0));
+    let all = nodes.iter();
+    let all = all.map(|(hz, _)| complementary(&study, &design, *hz));
+    let all: Vec<_> = all.collect();
+    for (&(hz, weight), t) in nodes.iter().zip(&all) {
         if low < hz && hz < high {
             let (a, m, r) = bounds.limits.moved(hz, &sources).expect("P has an inverse");
-            let t = complementary(&study, &design, hz);
             let left = a.iter().zip(&r).map(|(a, r)| {
                 let seen: Gain = &m * t * r.fixed_rows::<LEGS>(0);
                 (a - seen).norm_squared()
@@ -338,10 +341,10 @@ fn a_loop_is_above_the_bound_of_its_mean_square() {
 
     for bound in [modal, any] {
         let (mut sum, mut size) = (0.0, 0.0);
-        for (z, weight, _) in &bounds.modes[0].fine[1] {
-            let t = complementary(&study, &design, z.arg() / TAU / study.plant().period);
+        for ((hz, weight), t) in nodes.iter().zip(&all) {
+            let z = study.plant().z(*hz);
             for EntryFunction { to, from, function } in &bound.certificate {
-                let part = function.at(*z) * t[(to - 1, from - 1)] * *weight;
+                let part = function.at(z) * t[(to - 1, from - 1)] * *weight;
                 sum += part.re;
                 size += part.norm();
             }
