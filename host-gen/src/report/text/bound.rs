@@ -130,7 +130,7 @@ fn write_rms(f: &mut Formatter<'_>, rms: &RmsBound) -> fmt::Result {
         row("any", &rms.found.any, any),
         reached,
     ];
-    write_table(f, 1, 1, rows.into_iter())?;
+    write_table(f, 1, 1, rows)?;
     if let Some(found) = &rms.found.modal {
         let block = |block: &Vec<usize>| {
             let modes: Vec<_> = block.iter().map(usize::to_string).collect();
