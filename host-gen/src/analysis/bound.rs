@@ -2,10 +2,11 @@
 
 use serde::Serialize;
 
+use crate::closed_loop::budget::budget;
 use crate::closed_loop::{LoopGrid, SLOWEST, SampledLoop};
-use crate::design::bound::{Asked, Bounds, ByControllers, ModeBound};
+use crate::design::bound::{Asked, Bounds, ByControllers, MeanSquareBound, ModeBound};
 use crate::design::{Band, Design, Study};
-use crate::machine::RollOff;
+use crate::machine::{Minimise, RollOff};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::pole_peaks;
 
@@ -27,6 +28,59 @@ pub struct BoundAnalysis {
     pub(crate) asked: bool,
     #[serde(flatten)]
     pub(crate) bounds: BoundsOf,
+    /// Beside a design that minimises an rms.
+    pub(crate) rms: Option<RmsBound>,
+}
+
+/// The rms that a design minimises, of all performance outputs together, beside its lower bounds.
+#[derive(Debug, Serialize)]
+pub struct RmsBound {
+    /// What is minimised, as `control.minimise` says.
+    pub minimise: Minimise,
+    /// That of the design, m/s²; of displacements, m.
+    pub reached: f64,
+    /// None where no bound was found.
+    pub found: ByControllers<Option<MeanSquareBound>>,
+}
+
+impl RmsBound {
+    fn new(
+        study: &Study,
+        bounds: &Bounds<'_>,
+        design: &Design,
+    ) -> Result<Option<Self>, NumericError> {
+        let machine = study.machine();
+        let (Some(measure), Some(found)) = (machine.measure(), bounds.mean_square()?) else {
+            return Ok(None);
+        };
+        let budget = budget(
+            study.plant(),
+            &machine.board,
+            Some(&design.table),
+            &machine.floor_motion(),
+            machine.simulation.floor_band,
+            machine.exposure,
+        )?;
+        let outputs = budget.performance.iter();
+        let powers = outputs.flat_map(|of| budget.measured(of, measure));
+        Ok(Some(Self {
+            minimise: machine.target.minimise,
+            reached: powers.sum::<f64>().sqrt(),
+            found,
+        }))
+    }
+
+    /// By how much the design is above its bounds, dB; none where none was found.
+    pub fn above_db(&self) -> ByControllers<Option<f64>> {
+        let above = |found: &Option<MeanSquareBound>| {
+            let bound = found.as_ref()?;
+            Some(20.0 * (self.reached / bound.rms).log10())
+        };
+        ByControllers {
+            modal: above(&self.found.modal),
+            any: above(&self.found.any),
+        }
+    }
 }
 
 /// What is bounded.
@@ -70,7 +124,12 @@ impl BoundAnalysis {
             });
             of.collect()
         };
+        let rms = match design {
+            Some(design) => RmsBound::new(study, &bounds, design)?,
+            None => None,
+        };
         Ok(Self {
+            rms,
             machine: machine.name.clone(),
             model_sha256: machine.digest.to_string(),
             feedback: study.design_model().feedback.name(),

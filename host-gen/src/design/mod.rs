@@ -8,6 +8,7 @@ pub mod outcome;
 mod perturbed;
 pub mod reach;
 mod roll_off;
+mod sources;
 pub mod study;
 mod synthesis;
 mod trial;

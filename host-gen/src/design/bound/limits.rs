@@ -9,6 +9,7 @@ use crate::closed_loop::isolation::isolation_band;
 use crate::control::gains::ModalTransform;
 use crate::design::Study;
 use crate::design::reach::CORNER_SLACK;
+use crate::design::sources::Sources;
 use crate::machine::RollOff;
 use crate::numeric::discs::Disc;
 use crate::numeric::six::ComplexMatrix6;
@@ -175,6 +176,16 @@ impl<'a> Limits<'a> {
         }
     }
 
+    /// Where the roll-off begins, Hz.
+    pub(super) fn roll_off_hz(&self) -> Option<f64> {
+        self.roll_off.map(|limit| limit.hz)
+    }
+
+    /// The largest σ_max(T) at `hz`, Hz; infinite for no limit.
+    pub(super) fn roll_off(&self, hz: f64) -> f64 {
+        self.roll_off.map_or(f64::INFINITY, |limit| limit.limit(hz))
+    }
+
     /// From where to where the machine as a whole must be isolated, Hz.
     pub(super) fn isolated(&self) -> [f64; 2] {
         let target = &self.study.machine().target;
@@ -186,8 +197,62 @@ impl<'a> Limits<'a> {
     pub(super) fn edges(&self) -> Vec<f64> {
         let bands = self.study.machine().bands.iter();
         let bands = bands.flat_map(|(_, low, high)| [*low, *high]);
-        let roll_off = self.roll_off.map(|limit| limit.hz);
-        bands.chain(self.isolated()).chain(roll_off).collect()
+        bands
+            .chain(self.isolated())
+            .chain(self.roll_off_hz())
+            .collect()
+    }
+
+    /// P at `hz`, Hz: from forces along the modes to their sensors, in modal coordinates.
+    fn own(&self, hz: f64) -> ComplexMatrix6 {
+        let [input, output] = [self.transform.input, self.transform.output];
+        let response = self.study.plant().response(hz);
+        let sensed = response.from_legs(self.study.plant().plant.sensors());
+        input.map(Complex::from) * sensed.fixed_rows::<LEGS>(0) * output.map(Complex::from)
+    }
+
+    /// The modes in blocks that do not couple to each other at any of the frequencies `hz`, Hz.
+    pub(super) fn coupled(&self, hz: impl Iterator<Item = f64>) -> Vec<Vec<usize>> {
+        let mut block: [usize; LEGS] = core::array::from_fn(|k| k);
+        for own in hz.map(|hz| self.own(hz)) {
+            for (i, j) in (0..LEGS).flat_map(|i| (0..i).map(move |j| (i, j))) {
+                let between = own[(i, j)].norm().max(own[(j, i)].norm());
+                let within = (own[(i, i)].norm() * own[(j, j)].norm()).sqrt();
+                if between > ALONE * within {
+                    let [from, to] = [block[i], block[j]];
+                    block
+                        .iter_mut()
+                        .filter(|of| **of == from)
+                        .for_each(|of| *of = to);
+                }
+            }
+        }
+        let of = |k: usize| {
+            (0..LEGS)
+                .filter(|mode| block[*mode] == k)
+                .collect::<Vec<_>>()
+        };
+        (0..LEGS)
+            .map(of)
+            .filter(|modes| !modes.is_empty())
+            .collect()
+    }
+
+    /// A, M and R at `hz`, Hz: with T, the outputs' motion is A − M·T·R, with an A and an R for
+    /// each six of the `sources`, and M for forces along the modes. None where P has no inverse.
+    pub(super) fn moved(
+        &self,
+        hz: f64,
+        sources: &Sources<'_>,
+    ) -> Option<(Vec<Gain>, Gain, Vec<Gain>)> {
+        let (from_legs, moving) = sources.at(hz);
+        let sensing = self.own(hz).try_inverse()? * self.transform.input.map(Complex::from);
+        let moving = moving.into_iter().map(|source| {
+            let sensed = sensing * source.sensed.fixed_rows::<LEGS>(0);
+            (source.direct, Gain::from_column_slice(sensed.as_slice()))
+        });
+        let (a, r) = moving.unzip();
+        Some((a, from_legs * self.transform.output.map(Complex::from), r))
     }
 
     /// Mode `k` at `hz`, Hz.
@@ -244,9 +309,7 @@ impl<'a> Limits<'a> {
             scaled: scaled + if all { required } else { 0.0 },
         };
         let mut limits = vec![disc(Complex::ONE, sensitivity, 0.0)];
-        let roll_off = self
-            .roll_off
-            .map_or(f64::INFINITY, |limit| limit.limit(seen.hz));
+        let roll_off = self.roll_off(seen.hz);
         if roll_off.is_finite() {
             limits.push(disc(Complex::ZERO, roll_off, 0.0));
         }

@@ -16,19 +16,24 @@
 //! programme.
 
 mod limits;
+mod mean_square;
 mod programme;
 mod test_function;
 
 use nalgebra::{Complex, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
+use shared::LEGS;
 
+pub use mean_square::{EntryFunction, MeanSquareBound};
 pub use test_function::{Term, TestFunction};
 
 use limits::{Controllers, Limit, Limits, Question};
+use mean_square::{Ball, Pattern, Point, Proof, Quadratic, certified};
 use programme::{Sample, solve};
 
 use super::Study;
+use super::sources::Sources;
 use crate::closed_loop::SLOWEST;
 use crate::control::shape::Resonance;
 use crate::machine::{FeedbackKind, RollOff};
@@ -259,7 +264,157 @@ impl<'a> Bounds<'a> {
         });
         modes.collect()
     }
+
+    /// The best bounds found of the rms that the machine's file asks to be least: for controllers
+    /// that feed back the modes, or blocks of modes that couple, each by itself; and for any. None
+    /// if the file asks for peaks, and with both kinds of sensors.
+    ///
+    /// # Errors
+    /// [`NumericError`] if an eigenvalue iteration does not converge.
+    pub fn mean_square(
+        &self,
+    ) -> Result<Option<ByControllers<Option<MeanSquareBound>>>, NumericError> {
+        let (Some(measure), false) = (self.study.machine().measure(), self.modes.is_empty()) else {
+            return Ok(None);
+        };
+        let sources = Sources::new(self.study, measure);
+        let programme = MeanSquares::new(self, &sources)?;
+        let any = programme.bound(vec![(0..LEGS).collect()]);
+        let blocks = self.limits.coupled(programme.inside());
+        let alone = (blocks.len() > 1).then(|| programme.bound(blocks));
+        let rms = |found: &Option<MeanSquareBound>| found.as_ref().map_or(0.0, |bound| bound.rms);
+        // What holds for all controllers holds for modal ones.
+        let modal = match alone {
+            Some(alone) if rms(&alone) > rms(&any) => alone,
+            _ => any.clone(),
+        };
+        Ok(Some(ByControllers { modal, any }))
+    }
 }
+
+/// What the bounds of a mean square share.
+struct MeanSquares<'a> {
+    bounds: &'a Bounds<'a>,
+    sources: &'a Sources<'a>,
+    /// Frequencies at which something is not smooth, Hz.
+    edges: Vec<f64>,
+    /// Singularities of what is integrated, Hz.
+    singular: Vec<Complex<f64>>,
+    /// Poles of test functions, the most useful first.
+    poles: Vec<Resonance>,
+}
+
+impl<'a> MeanSquares<'a> {
+    fn new(bounds: &'a Bounds<'a>, sources: &'a Sources<'a>) -> Result<Self, NumericError> {
+        let Bounds { limits, study, .. } = bounds;
+        let highest = 0.5 / study.plant().period;
+        let lowest = SLOWEST * study.machine().target.frequency;
+        let lowest = sources.band[0].min(lowest);
+        let mut edges = sources.breaks();
+        edges.extend(limits.roll_off_hz());
+        edges.extend([lowest, highest]);
+        edges.retain(|hz| (lowest..=highest).contains(hz));
+        edges.sort_by(f64::total_cmp);
+        edges.dedup();
+        let mut peaks = study.plant().peaks();
+        peaks.extend(pole_peaks(&study.zeros()?));
+        let mut poles: Vec<Resonance> = lags(FROM * limits.isolated()[0], highest).collect();
+        let [low, high] = sources.band;
+        for (hz, width) in peaks.iter().filter(|(hz, _)| low < *hz && *hz < high) {
+            let damping = width / hz;
+            let same = |other: &Resonance| {
+                (hz / other.hz - 1.0).abs() < SAME * damping
+                    && (damping / other.damping - 1.0).abs() < SAME
+            };
+            if !poles.iter().any(same) {
+                poles.push(Resonance { hz: *hz, damping });
+            }
+        }
+        poles.extend(edges[1..edges.len() - 1].iter().map(|hz| Resonance {
+            hz: *hz,
+            damping: 1.0 / RUNG,
+        }));
+        let singular = peaks.iter().map(|(hz, width)| Complex::new(*hz, *width));
+        Ok(Self {
+            singular: singular.collect(),
+            bounds,
+            sources,
+            edges,
+            poles,
+        })
+    }
+
+    /// A quadrature with these breaks: frequencies, Hz, and weights, Hz.
+    fn grid(&self, breaks: &[f64]) -> Vec<(f64, f64)> {
+        let mut at = nodes(breaks, &self.singular, |hz| self.sources.exponent(hz));
+        // The rest down to 0 Hz.
+        at.push((0.5 * breaks[0], breaks[0]));
+        at
+    }
+
+    /// Frequencies in the band, Hz.
+    fn inside(&self) -> impl Iterator<Item = f64> {
+        let [low, high] = self.sources.band;
+        let grid = self.grid(&self.edges).into_iter().map(|(hz, _)| hz);
+        grid.filter(move |hz| low < *hz && *hz < high)
+    }
+
+    fn points(&self, pattern: &Pattern, grid: &[(f64, f64)]) -> Vec<Point> {
+        let Bounds { limits, study, .. } = self.bounds;
+        let [low, high] = self.sources.band;
+        let motion = |hz: f64| {
+            let (a, m, r) = limits.moved(hz, self.sources)?;
+            Some(Quadratic::new(pattern, self.sources.weight(hz), &a, &m, &r))
+        };
+        let points = grid.par_iter().map(|(hz, weight)| Point {
+            z: study.plant().z(*hz),
+            weight: *weight,
+            ball: Ball::new(study.machine().target.max_sensitivity, limits.roll_off(*hz)),
+            motion: if low < *hz && *hz < high {
+                motion(*hz)
+            } else {
+                None
+            },
+        });
+        points.collect()
+    }
+
+    /// The best bound found for controllers that feed back these `blocks` of modes by themselves.
+    fn bound(&self, blocks: Vec<Vec<usize>>) -> Option<MeanSquareBound> {
+        let plant = self.bounds.study.plant();
+        let pattern = Pattern::new(&blocks);
+        let coarse = self.points(&pattern, &self.grid(&self.edges));
+        let power = plant.seen_delay() - 1;
+        let mut function = TestFunction::with_poles(power, &self.poles, plant.period);
+        function.shorten(MOST / pattern.len());
+        let [coarser, finer] = MEAN_SQUARE_FINE
+            .map(|per_decade| self.points(&pattern, &self.grid(&divided(&self.edges, per_decade))));
+        let found = certified(&pattern, function, &coarse, &[coarser, finer])?;
+        let Proof {
+            functions,
+            squares: [coarser, finer],
+        } = found;
+        let least = coarser.min(finer);
+        (least > 0.0).then(|| MeanSquareBound {
+            rms: least.sqrt(),
+            grid_db: 10.0 * (coarser / finer).log10().abs(),
+            blocks: blocks
+                .iter()
+                .map(|block| block.iter().map(|mode| mode + 1).collect())
+                .collect(),
+            certificate: pattern.certificate(functions),
+        })
+    }
+}
+
+/// Coefficients in the programme for the mean square; more take too long.
+const MOST: usize = 1100;
+
+/// Part of its width by which a resonance differs from another one.
+const SAME: f64 = 0.1;
+
+/// Intervals in a decade of the grids on which the bound of the mean square is verified.
+const MEAN_SQUARE_FINE: [f64; 2] = [50.0, 100.0];
 
 /// The best coefficients found for `function` on the samples of the programme, `coarse`, and what it
 /// proves on two finer grids.
@@ -319,11 +474,7 @@ fn highest_level(function: &TestFunction, samples: &[Sample]) -> Option<f64> {
 fn poles(limits: &Limits<'_>, mode: usize, edges: &[f64], peaks: &[(f64, f64)]) -> Vec<Resonance> {
     let highest = edges[edges.len() - 1];
     let lowest = FROM * limits.isolated()[0];
-    let count = (PER_DECADE * (highest / lowest).log10()).ceil();
-    let lags = (0..count as u32).map(|k| Resonance {
-        hz: lowest * (highest / lowest).powf(f64::from(k) / count),
-        damping: 1.0,
-    });
+    let lags = lags(lowest, highest);
     let rungs = || (1..=RUNGS).map(|k| RUNG.powi(-k));
     let at = |hz: f64| move |damping: f64| Resonance { hz, damping };
     let inner = &edges[1..edges.len() - 1];
@@ -340,6 +491,15 @@ fn poles(limits: &Limits<'_>, mode: usize, edges: &[f64], peaks: &[(f64, f64)]) 
         wider.chain([own]).map(at(*hz))
     });
     lags.chain(edges).chain(resonances).collect()
+}
+
+/// Poles of lags from `lowest` to below `highest`, Hz.
+fn lags(lowest: f64, highest: f64) -> impl Iterator<Item = Resonance> {
+    let count = (PER_DECADE * (highest / lowest).log10()).ceil();
+    (0..count as u32).map(move |k| Resonance {
+        hz: lowest * (highest / lowest).powf(f64::from(k) / count),
+        damping: 1.0,
+    })
 }
 
 /// The `edges` with so many intervals in a decade between them.

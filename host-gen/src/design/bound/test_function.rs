@@ -84,6 +84,12 @@ impl TestFunction {
         }
     }
 
+    /// Leaves out what is more than `most` terms.
+    pub(super) fn shorten(&mut self, most: usize) {
+        self.terms.truncate(most);
+        self.coefficients.truncate(most);
+    }
+
     /// z^power·ψ(z) of each term.
     pub(super) fn parts(&self, z: Complex<f64>) -> Vec<Complex<f64>> {
         let shift = z.powu(self.power as u32);

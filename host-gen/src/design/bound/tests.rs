@@ -3,10 +3,12 @@ use std::path::Path;
 
 use super::*;
 use crate::closed_loop::SampledLoop;
+use crate::closed_loop::budget::budget;
 use crate::control::gains::ModalTransform;
 use crate::design::{Design, Search};
 use crate::machine::Machine;
 use crate::numeric::six::ComplexMatrix6;
+use crate::plant::Gain;
 
 /// |S| ≤ ε up to the angle a and |S| ≤ M above: Bode's integral allows ε = M^(1 − π/a), and no
 /// less.
@@ -161,4 +163,192 @@ fn only_what_is_impossible_is_certified() {
     // No bound without one of the limits, and none with both kinds of sensors.
     let study = paper("");
     assert!(widening(&study).expect("the zeros converge").any.is_none());
+}
+
+/// A motion x₊ = a·x + w with white w of power 1, measured with white noise of power `noise`: what a
+/// force of `delay` samples leaves of it at least. The lower bounds on two grids.
+fn predicted(a: f64, noise: f64, delay: usize, sensitivity: f64) -> [f64; 2] {
+    let pattern = Pattern::new(&[vec![0]]);
+    let points = |count: u32| -> Vec<Point> {
+        let point = |k: u32| {
+            let z = Complex::cis(0.5 * TAU * (f64::from(k) + 0.5) / f64::from(count));
+            let moved = (1.0 - a / z).inv();
+            let row = |entries: &[Complex<f64>], rows: usize| {
+                let mut gain = Gain::zeros(rows);
+                for (j, entry) in entries.iter().enumerate() {
+                    gain[(0, j)] = *entry;
+                }
+                gain
+            };
+            let measured = row(&[moved, noise.sqrt().into()], LEGS);
+            let (direct, force) = (row(&[moved], 1), row(&[Complex::ONE], 1));
+            Point {
+                z,
+                weight: f64::from(count).recip(),
+                ball: Ball::new(sensitivity, f64::INFINITY),
+                motion: Some(Quadratic::new(
+                    &pattern,
+                    1.0,
+                    &[direct],
+                    &force,
+                    &[measured],
+                )),
+            }
+        };
+        (0..count).map(point).collect()
+    };
+    let lag = |hz: f64| Resonance { hz, damping: 1.0 };
+    let poles = [-a.ln() / TAU, 0.05, 0.15].map(lag);
+    let function = TestFunction::with_poles(delay - 1, &poles, 1.0);
+    let found = certified(
+        &pattern,
+        function,
+        &points(300),
+        &[points(400), points(800)],
+    );
+    found.expect("a bound is found").squares
+}
+
+/// Without other limits, the bound is what Kalman's predictor leaves: the variance of its error one
+/// sample ahead by Riccati's equation, and from sample to sample that of w more.
+#[test]
+fn kalmans_predictor_is_found() {
+    for (a, noise, delay) in [
+        (0.9, 0.3_f64, 1),
+        (0.9, 1e-3, 2),
+        (0.95, 2.0, 3),
+        (0.5, 0.1, 2),
+    ] {
+        let mut exact = 1.0;
+        for _ in 0..10_000 {
+            exact = a * a * exact * noise / (exact + noise) + 1.0;
+        }
+        for _ in 1..delay {
+            exact = a * a * exact + 1.0;
+        }
+        for found in predicted(a, noise, delay, 1e3) {
+            let part = found / exact;
+            // What the barrier and the verification leave.
+            assert!(
+                part < 1.0 + 1e-6 && part > 0.995,
+                "{a} {noise} {delay}: {part}"
+            );
+        }
+    }
+}
+
+/// The lower the peak sensitivity may be, the less is possible; with S = 1, nothing is.
+#[test]
+fn the_mean_square_falls_with_the_peak_sensitivity() {
+    let of = |sensitivity: f64| predicted(0.95, 1e-2, 2, sensitivity)[1];
+    let found = [1.0001, 1.1, 1.3, 1.6, 100.0].map(of);
+    assert!(found.is_sorted_by(|a, b| *a > 1.003 * b), "{found:?}");
+    let open = (1.0 - 0.95_f64.powi(2)).recip();
+    assert!(
+        found[0] < open && found[0] > 0.95 * open,
+        "{found:?} {open}"
+    );
+}
+
+/// A ball has what keeps both limits, and it is one of the two if that lies within the other.
+#[test]
+fn a_ball_has_what_keeps_both_limits() {
+    for (s, t) in [
+        (2.0, 1.0),
+        (1.5, 1.3),
+        (1.2, 1.0),
+        (1.2, 0.9),
+        (1.3, 2.0),
+        (2.0, 0.1),
+    ] {
+        let inside = |ball: Ball, x: Complex<f64>| {
+            let pattern = Pattern::new(&[vec![0], vec![1]]);
+            let point = Point {
+                z: Complex::ONE,
+                weight: 1.0,
+                ball,
+                motion: None,
+            };
+            // −Re(phi·t) at the point of the ball that is farthest in the direction of `x` − 0.5.
+            let phi = -(x - 0.5).conj() / (x - 0.5).norm();
+            let phi = DVector::from_element(2, phi);
+            let least = point.least(&pattern, &phi, 0.0);
+            2.0 * (phi[0] * x).re >= least - 1e-9
+        };
+        for k in 0..2000 {
+            let turn = Complex::cis(TAU * 0.618_034 * f64::from(k));
+            let x = turn * (t * f64::from(k) / 2000.0);
+            if (x - 1.0).norm() <= s {
+                assert!(inside(Ball::new(s, t), x), "{s} {t} {x}");
+            }
+        }
+    }
+    assert_eq!(Ball::new(2.0, 0.5), Ball::new(3.0, 0.5));
+    assert_eq!(Ball::new(1.2, 4.0), Ball::new(1.2, f64::INFINITY));
+}
+
+/// A loop that a search found for the least rms: its mean square by A, M, T and R is that of the
+/// noise budget, which has none of these; its T is orthogonal to Φ; and no bound is above it.
+#[test]
+fn a_loop_is_above_the_bound_of_its_mean_square() {
+    let study = paper("minimise = \"rms\"\nroll_off = { hz = 6000, order = 2 }");
+    let machine = study.machine();
+    let design = Search::FULL.design(&study).expect("it is reached");
+    let bounds = Bounds::new(&study, machine.target.roll_off).expect("the zeros converge");
+    let found = bounds.mean_square().expect("the zeros converge");
+    let ByControllers { modal, any } = found.expect("the file asks for the least rms");
+    let [modal, any] = [modal, any].map(|found| found.expect("a bound is found"));
+    assert_eq!(modal.blocks, [vec![1, 2, 4, 5], vec![3], vec![6]]);
+    assert_eq!(any.blocks, [vec![1, 2, 3, 4, 5, 6]]);
+    assert!(any.rms < modal.rms && modal.grid_db < 0.01 && any.grid_db < 0.01);
+
+    let measure = machine.measure().expect("it minimises an rms");
+    let sources = Sources::new(&study, measure);
+    let grid = MeanSquares::new(&bounds, &sources).expect("the zeros converge");
+    let [low, high] = sources.band;
+    let mut square = 0.0;
+    let nodes = grid.grid(&divided(&grid.edges, 100.0));
+    let all = nodes.iter();
+    let all = all.map(|(hz, _)| complementary(&study, &design, *hz));
+    let all: Vec<_> = all.collect();
+    for (&(hz, weight), t) in nodes.iter().zip(&all) {
+        if low < hz && hz < high {
+            let (a, m, r) = bounds.limits.moved(hz, &sources).expect("P has an inverse");
+            let left = a.iter().zip(&r).map(|(a, r)| {
+                let seen: Gain = &m * t * r.fixed_rows::<LEGS>(0);
+                (a - seen).norm_squared()
+            });
+            square += weight * left.sum::<f64>();
+        }
+    }
+    let floor = machine.floor_motion();
+    let budget = budget(
+        study.plant(),
+        &machine.board,
+        Some(&design.table),
+        &floor,
+        sources.band,
+        None,
+    );
+    let budget = budget.expect("the poles converge");
+    let outputs = budget.performance.iter();
+    let expected: f64 = outputs.flat_map(|of| budget.measured(of, measure)).sum();
+    assert!(
+        (square / expected - 1.0).abs() < 1e-3,
+        "{square} {expected}"
+    );
+    assert!(modal.rms < expected.sqrt());
+
+    for bound in [modal, any] {
+        let (mut sum, mut size) = (0.0, 0.0);
+        for ((hz, weight), t) in nodes.iter().zip(&all) {
+            let z = study.plant().z(*hz);
+            for EntryFunction { to, from, function } in &bound.certificate {
+                let part = function.at(z) * t[(to - 1, from - 1)] * *weight;
+                sum += part.re;
+                size += part.norm();
+            }
+        }
+        assert!(sum.abs() < 1e-4 * size, "{sum} of {size}");
+    }
 }

@@ -32,12 +32,11 @@ use crate::control::law::{ac_coupling, channel_response};
 use crate::control::shape::{Filter, Resonance};
 use crate::control::{Shape, table};
 use crate::design::Study;
+use crate::design::sources::Sources;
 use crate::machine::{FeedbackKind, Target};
 use crate::numeric::frequencies::grid;
-use crate::numeric::power_law::steeper;
 use crate::numeric::quadrature::nodes;
 use crate::numeric::six::ComplexMatrix6;
-use crate::plant::noise::Noise;
 use crate::plant::{Gain, Response};
 use crate::progress::Progress;
 
@@ -339,32 +338,6 @@ impl Synthesis<'_> {
             let source = shaken(&response, rows.clone(), &floor);
             output_of(hz, response.from_legs(rows), vec![source], goal)
         };
-        let noise = Noise::new(&machine.board, true);
-        // DAC, and sensors with their ADC, each kind by itself.
-        let noises = |hz: f64, response: &Response, from_legs: &Gain| {
-            let by_dac = ComplexMatrix6::identity() * Complex::from(noise.dac.sqrt());
-            let mut sources = vec![Source {
-                direct: blocks(&(from_legs * by_dac)),
-                to_modes: channels(&response.g22(), &by_dac),
-            }];
-            let own = noise.sensors(hz);
-            for (kind, input) in inputs.iter().enumerate().take(K / LEGS) {
-                let first = kind * LEGS;
-                let mut to_modes = Rows::<K>::zeros();
-                for sensor in 0..LEGS {
-                    let power = own[first + sensor] + noise.adc[first + sensor];
-                    let column = input.column(sensor) * Complex::from(power.sqrt());
-                    to_modes
-                        .fixed_view_mut::<LEGS, 1>(first, sensor)
-                        .copy_from(&column);
-                }
-                sources.push(Source {
-                    direct: blocks(&Gain::zeros(from_legs.nrows())),
-                    to_modes,
-                });
-            }
-            sources
-        };
         let limit = |limit: f64, level: Option<usize>| Goal::Below { limit, level };
         let identity = ComplexMatrix6::identity();
         let low = SLOWEST * self.target.frequency;
@@ -404,31 +377,20 @@ impl Synthesis<'_> {
                 }
             }
             Some(measure) => {
-                let floor = machine.floor_motion();
-                let [low, high] = machine.simulation.floor_band;
+                let sources = Sources::new(study, measure);
                 let singular: Vec<_> = peaks
                     .iter()
                     .map(|(hz, width)| Complex::new(*hz, *width))
                     .collect();
-                let base = plant.base.map(Complex::from);
-                let mut breaks = vec![low, high];
-                let within = |hz: &f64| low < *hz && *hz < high;
-                let given = floor.breaks().into_iter().chain(noise.breaks());
-                breaks.extend(given.filter(within));
-                breaks.extend(measure.breaks([low, high]));
-                breaks.sort_by(f64::total_cmp);
-                breaks.dedup();
-                let exponent = |hz: f64| steeper(floor.exponent(hz), noise.exponent(hz));
-                for (hz, weight) in nodes(&breaks, &singular, exponent) {
-                    let response = sampled.response(hz);
-                    let base =
-                        base * ComplexMatrix6::from_diagonal(&floor.motions(hz).map(Complex::from));
-                    let rows = plant.performance();
-                    let from_legs = response.from_legs(rows.clone());
-                    let mut sources = vec![shaken(&response, rows, &base)];
-                    sources.extend(noises(hz, &response, &from_legs));
-                    let goal = Goal::Square(weight * measure.weight(hz));
-                    points.push(output_of(hz, from_legs, sources, goal));
+                let exponent = |hz: f64| sources.exponent(hz);
+                for (hz, weight) in nodes(&sources.breaks(), &singular, exponent) {
+                    let (from_legs, moving) = sources.at(hz);
+                    let moving = moving.iter().map(|source| Source {
+                        direct: blocks(&source.direct),
+                        to_modes: channels(&source.sensed, &identity),
+                    });
+                    let goal = Goal::Square(weight * sources.weight(hz));
+                    points.push(output_of(hz, from_legs, moving.collect(), goal));
                 }
             }
         }

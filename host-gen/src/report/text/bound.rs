@@ -3,10 +3,10 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::aligned::{TITLE, cells, write_table};
-use crate::analysis::bound::{BoundAnalysis, BoundsOf, Room, least};
+use crate::analysis::bound::{BoundAnalysis, BoundsOf, RmsBound, Room, least};
 use crate::design::Band;
-use crate::design::bound::{ByControllers, Certificate, ModeBound};
-use crate::machine::RollOff;
+use crate::design::bound::{ByControllers, Certificate, MeanSquareBound, ModeBound};
+use crate::machine::{Minimise, RollOff};
 
 impl Display for BoundAnalysis {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
@@ -41,7 +41,11 @@ impl Display for BoundAnalysis {
                 "  There is no bound: with both kinds of sensors, the floor's motion can be told from the machine's,\n  and no such limit keeps a machine that is known exactly from being isolated."
             );
         }
+        if let Some(rms) = &self.rms {
+            write_rms(f, rms)?;
+        }
         match &self.bounds {
+            BoundsOf::Design { reached, .. } if reached.is_empty() && self.rms.is_some() => Ok(()),
             BoundsOf::Design { reached, .. } if reached.is_empty() => {
                 writeln!(f, "  There is no bound: the file has no performance.bands.")
             }
@@ -90,6 +94,63 @@ fn write_design_bounds(
     )?;
     write_room(f, &least(together))?;
     write_grid(f, bands.iter().flatten().chain(together))
+}
+
+/// The rms that a design minimises, beside its bounds.
+fn write_rms(f: &mut Formatter<'_>, rms: &RmsBound) -> fmt::Result {
+    let (name, unit) = match rms.minimise {
+        Minimise::Average => ("moving average", "m"),
+        Minimise::Deviation => ("moving deviation", "m"),
+        Minimise::Rms | Minimise::Peaks => ("rms", "m/s²"),
+    };
+    writeln!(
+        f,
+        "{TITLE}Lower bound of the {name} of the performance outputs together, {unit}{TITLE:#}"
+    )?;
+    let ByControllers { modal, any } = rms.above_db();
+    let row = |name: &str, found: &Option<MeanSquareBound>, above: Option<f64>| {
+        let bound = found.as_ref().map(|found| format!("{:.3e}", found.rms));
+        let above = above.map(|db| format!("{db:.1}"));
+        let none = || "-".to_owned();
+        vec![
+            name.to_owned(),
+            bound.unwrap_or_else(none),
+            above.unwrap_or_else(none),
+        ]
+    };
+    let head = cells(["", "", "reached is above, dB"]);
+    let reached = vec![
+        "reached".to_owned(),
+        format!("{:.3e}", rms.reached),
+        String::new(),
+    ];
+    let rows = [
+        head,
+        row("modal", &rms.found.modal, modal),
+        row("any", &rms.found.any, any),
+        reached,
+    ];
+    write_table(f, 1, 1, rows)?;
+    if let Some(found) = &rms.found.modal {
+        let block = |block: &Vec<usize>| {
+            let modes: Vec<_> = block.iter().map(usize::to_string).collect();
+            modes.join(" ")
+        };
+        let blocks: Vec<_> = found.blocks.iter().map(block).collect();
+        writeln!(
+            f,
+            "  modal: modes of different blocks do not act on each other; blocks {}.",
+            blocks.join(", ")
+        )?;
+    }
+    let found = [&rms.found.modal, &rms.found.any].into_iter().flatten();
+    match found.map(|found| found.grid_db).reduce(f64::max) {
+        Some(most) => writeln!(
+            f,
+            "  A grid twice as fine changes none of these by more than {most:.2} dB."
+        ),
+        None => Ok(()),
+    }
 }
 
 fn write_requirements(f: &mut Formatter<'_>, modes: &[ModeBound]) -> fmt::Result {

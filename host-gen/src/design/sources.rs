@@ -1,0 +1,101 @@
+//! What moves the performance outputs of a machine: the floor, and the noise of sensors and
+//! converters, as its mean square counts them.
+
+use nalgebra::{Complex, DVector, Matrix6};
+use shared::LEGS;
+
+use super::Study;
+use crate::floor::Floor;
+use crate::numeric::exposure::Measure;
+use crate::numeric::power_law::steeper;
+use crate::numeric::six::ComplexMatrix6;
+use crate::plant::noise::Noise;
+use crate::plant::{Gain, SampledPlant};
+
+/// Six independent sources of motion.
+pub(super) struct Source {
+    /// To the performance outputs without control.
+    pub(super) direct: Gain,
+    /// To the sensors without control, six rows for each kind.
+    pub(super) sensed: Gain,
+}
+
+/// The sources of a machine, and what is measured of the outputs' motion.
+pub(super) struct Sources<'a> {
+    plant: &'a SampledPlant,
+    floor: Floor,
+    noise: Noise,
+    measure: Measure,
+    /// Lower and upper end of the band, Hz.
+    pub(super) band: [f64; 2],
+}
+
+impl<'a> Sources<'a> {
+    /// Those of `study` with `measure`, on the floor of its machine in `simulation.floor_band`.
+    pub(super) fn new(study: &'a Study, measure: Measure) -> Self {
+        let machine = study.machine();
+        Self {
+            plant: study.plant(),
+            floor: machine.floor_motion(),
+            noise: Noise::new(&machine.board, true),
+            measure,
+            band: machine.simulation.floor_band,
+        }
+    }
+
+    /// The ends of the band, and the frequencies in it at which a density is not smooth or between
+    /// which the weight may be integrated, Hz, ascending.
+    pub(super) fn breaks(&self) -> Vec<f64> {
+        let [low, high] = self.band;
+        let mut breaks = vec![low, high];
+        let given = self.floor.breaks().into_iter().chain(self.noise.breaks());
+        breaks.extend(given.filter(|hz| low < *hz && *hz < high));
+        breaks.extend(self.measure.breaks(self.band));
+        breaks.sort_by(f64::total_cmp);
+        breaks.dedup();
+        breaks
+    }
+
+    /// How steep the densities are at `hz`, Hz, for a quadrature.
+    pub(super) fn exponent(&self, hz: f64) -> f64 {
+        steeper(self.floor.exponent(hz), self.noise.exponent(hz))
+    }
+
+    /// The weight of an acceleration's power density at `hz`, Hz, in the mean square.
+    pub(super) fn weight(&self, hz: f64) -> f64 {
+        self.measure.weight(hz)
+    }
+
+    /// The performance outputs from the leg forces at `hz`, Hz, and the sources there, with
+    /// one-sided densities: the floor, the DAC, and each kind of sensors with its ADC.
+    pub(super) fn at(&self, hz: f64) -> (Gain, Vec<Source>) {
+        let plant = &self.plant.plant;
+        let response = self.plant.response(hz);
+        let from_legs = response.from_legs(plant.performance());
+        let motions = self.floor.motions(hz).map(Complex::from);
+        let base = plant.base.map(Complex::from) * Matrix6::from_diagonal(&motions);
+        let by_dac = ComplexMatrix6::identity() * Complex::from(self.noise.dac.sqrt());
+        let mut sources = vec![
+            Source {
+                direct: response.from_floor(plant.performance()) * base,
+                sensed: response.from_floor(plant.sensors()) * base,
+            },
+            Source {
+                direct: &from_legs * by_dac,
+                sensed: response.g22() * by_dac,
+            },
+        ];
+        let powers: DVector<f64> = self.noise.sensors(hz) + &self.noise.adc;
+        for first in (0..powers.len()).step_by(LEGS) {
+            let mut sensed = Gain::zeros(powers.len());
+            for sensor in 0..LEGS {
+                sensed[(first + sensor, sensor)] = powers[first + sensor].sqrt().into();
+            }
+            sources.push(Source {
+                direct: Gain::zeros(from_legs.nrows()),
+                sensed,
+            });
+        }
+        (from_legs, sources)
+    }
+}
