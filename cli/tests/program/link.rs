@@ -1,12 +1,13 @@
 //! `host-gen sil` and the two clients: ours, and one that knows only the document.
 
+use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
 use crate::edits::model_path;
 use host_gen::board::link::{Address, Client, LinkError};
-use host_gen::board::measure::{MeasurementSettings, measure};
+use host_gen::board::measure::{Measurement, MeasurementSettings, measure};
 use host_gen::design::{Cache, Search, Study};
 use host_gen::machine::Machine;
 use shared::LEGS;
@@ -210,6 +211,90 @@ fn signals_end_what_was_begun() {
     assert_eq!(
         (&after["injecting"], &after["mode"]),
         (&0.into(), &"Closed".into())
+    );
+}
+
+/// A machine that is not its file: measured on the board and fitted, it has the true machine's modes, and
+/// those that were measured are the true ones.
+#[test]
+fn a_machine_that_is_not_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let [model, truth, measured] =
+        ["model.toml", "truth.toml", "measured.json"].map(|name| folder.path().join(name));
+    fs::copy(model_path(), &model).unwrap();
+    fs::write(
+        &truth,
+        "based_on = \"model.toml\"\nname = \"truth\"\n\
+         bodies.frame.mass = 860.0\nbodies.frame.cog = [0.01, -0.02, 0.0]\n\
+         bodies.lens.mass = 740.0\nprofiles.leg.axial = 7.0e6\nprofiles.block.axial = 3.6e7\n\
+         damping.modal = 0.008\nboard.gains.acceleration = [1.0, 1.03, 0.98, 1.0, 1.01, 0.97]\n",
+    )
+    .unwrap();
+    let board = Board::with(&["--fast", "--truth", truth.to_str().unwrap()]);
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_host-gen"));
+        let output = command.args(arguments).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        output.stdout
+    };
+    let at = board.1.to_string();
+    run(&["link", "--at", &at, "self-test"]);
+    let shown = model.to_str().unwrap();
+    let json = run(&["link", "--at", &at, "--format", "json", "frf", shown]);
+    fs::write(&measured, &json).unwrap();
+    run(&["fit", shown, measured.to_str().unwrap()]);
+
+    let modes = |path: &Path| {
+        let study = Study::new(Machine::load(path).unwrap()).unwrap();
+        study.model().modes().hertz()
+    };
+    let fitted = folder.path().join("metrology-frame-fitted.toml");
+    let [before, found, truth] = [&model, &fitted, &truth].map(|path| modes(path));
+    let off = |modes: &[f64]| {
+        let ratios = modes
+            .iter()
+            .zip(&truth)
+            .map(|(mode, truth)| (mode / truth - 1.0).abs());
+        ratios.fold(0.0, f64::max)
+    };
+    assert!(
+        off(&before) > 0.05 && off(&found) < 0.005,
+        "{found:?} {truth:?}"
+    );
+    let measured: Measurement = serde_json::from_slice(&json).unwrap();
+    for resonance in &measured.resonances {
+        let near = truth.iter().map(|hz| (resonance.hz / hz - 1.0).abs());
+        assert!(
+            near.fold(f64::INFINITY, f64::min) < 0.005,
+            "{resonance:?} {truth:?}"
+        );
+        assert!(
+            (resonance.damping / 0.008 - 1.0).abs() < 0.2,
+            "{resonance:?}"
+        );
+    }
+    assert!(measured.resonances.len() > 5, "{:?}", measured.resonances);
+
+    // What is no measurement is refused, and a file elsewhere would not find the model.
+    let refused = |arguments: &[&str], why: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_host-gen"));
+        let output = command.arg("fit").args(arguments).output().unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && error.contains(why), "{error}");
+    };
+    refused(
+        &[shown, shown],
+        "not a measurement of host-gen link frf --format json",
+    );
+    let json = folder.path().join("measured.json");
+    let json = json.to_str().unwrap();
+    refused(
+        &[shown, json, "--output", "elsewhere.toml"],
+        "--output must be another file in the folder of",
+    );
+    refused(
+        &[shown, json, "--output", shown],
+        "--output must be another file",
     );
 }
 

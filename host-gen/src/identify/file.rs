@@ -12,7 +12,7 @@ const DIGITS: usize = 7;
 /// The text of a machine file that is `based_on` the one of `machine`, the machine that was fitted,
 /// and holds what the measurement has changed. `from` says where the numbers are from.
 ///
-/// The delay is not in it: the board keeps its own. Gains are those of each channel.
+/// A delay beside that of the file is not in it. Gains are those of each channel.
 pub fn fitted_file(
     machine: &Machine,
     found: &Identification,
@@ -73,7 +73,9 @@ pub fn fitted_file(
         put(&["damping", "rayleigh"], numbers(fitted.damping.rayleigh));
         entries.push("damping.rayleigh".to_owned());
     }
-    for sensor in fitted.accelerometers.iter().flatten() {
+    let before = machine.accelerometers.iter().flatten();
+    let after = fitted.accelerometers.iter().flatten();
+    for (_, sensor) in before.zip(after).filter(|(before, after)| before != after) {
         let path = ["sensors", "acceleration", sensor.name.as_str(), "direction"];
         put(&path, numbers(sensor.direction.iter().copied()));
         entries.push(format!("sensors.acceleration.{}.direction", sensor.name));

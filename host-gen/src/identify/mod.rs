@@ -19,7 +19,7 @@ use shared::LEGS;
 pub use file::fitted_file;
 pub use parameters::{Parameter, Quantity, Scale, changed, parameters};
 
-use crate::board::measure::{MeasuredLine, Measurement, RationalFit, Resonance};
+use crate::board::measure::{MeasuredLine, Measurement, RationalFit, Resonance, turn};
 use crate::design::Study;
 use crate::machine::{FeedbackKind, Machine};
 use crate::progress::Progress;
@@ -27,8 +27,10 @@ use crate::progress::Progress;
 /// Damping ratios that are added in the first steps, one after the other.
 const ADDED: [f64; 5] = [0.3, 0.1, 0.03, 0.01, 0.003];
 
-/// Relative error that counts as one standard deviation in these steps.
-const ROUGH: f64 = 0.05;
+/// Relative errors that count as one standard deviation in these steps. With the larger ones, the
+/// quantities stay nearer to those of the file; which of them leads to the true machine depends on how
+/// far it is.
+const ROUGH: [f64; 3] = [0.05, 0.2, 0.6];
 
 /// Most steps with each.
 const STEPS: usize = 60;
@@ -36,14 +38,15 @@ const STEPS: usize = 60;
 /// A step that lessens the sum of the squares by a smaller part is the last.
 const SETTLED: f64 = 1e-5;
 
-/// With more of Levenberg's and Marquardt's damping a step is short.
-const SHORT: f64 = 1e-2;
+/// With more of Levenberg's and Marquardt's damping a step may be short: along what is known together
+/// only, the curvature is that of the changes alone, and smaller by as many orders of magnitude.
+const SHORT: f64 = 1e-8;
 
 /// No quantity is farther from the file's value, in standard deviations.
 const FARTHEST: f64 = 20.0;
 
-/// Steps for differences, in standard deviations.
-const DIFFERENCE: f64 = 1e-4;
+/// Steps for differences, in standard deviations: far below the width of a resonance.
+const DIFFERENCE: f64 = 1e-6;
 
 /// Above this part of its deviation before, a quantity is not determined by the measurement.
 const UNDETERMINED: f64 = 0.5;
@@ -169,12 +172,24 @@ impl Problem<'_> {
         machine
     }
 
+    /// The change of the delay, s.
+    fn delay(&self, x: &DVector<f64>) -> f64 {
+        let own = self.parameters.iter().zip(x.iter());
+        let mut own = own.filter(|(parameter, _)| parameter.quantity == Quantity::Delay);
+        own.next()
+            .map_or(0.0, |(parameter, x)| parameter.deviation * x)
+    }
+
     /// The errors of the responses, then the changes; none if there is no such machine.
     fn errors(&self, x: &DVector<f64>) -> Option<DVector<f64>> {
         if !x.iter().all(|x| x.abs() < FARTHEST) {
             return None;
         }
-        let found = responses(&self.machine(x), self.hertz)?;
+        let mut found = responses(&self.machine(x), self.hertz)?;
+        let delay = self.delay(x);
+        for (mut row, hz) in found.row_iter_mut().zip(self.hertz) {
+            row *= turn(*hz, delay);
+        }
         // Half the square of an error is in its real part.
         let weights = self.weights.map(|weight| Complex::from(SQRT_2 * weight));
         let weighted = (found - self.target).component_mul(&weights);
@@ -232,7 +247,7 @@ impl Problem<'_> {
             if before - after < SETTLED * before && damping < SHORT {
                 break;
             }
-            damping = damping.max(1e-9);
+            damping = damping.max(1e-12);
         }
         Some(point)
     }
@@ -283,7 +298,7 @@ pub fn fit(
     if measured != model {
         return Err(FitError::Sensors { measured, model });
     }
-    let fit = RationalFit::new(lines).ok_or_else(|| {
+    let fit = RationalFit::new(lines, machine.board.whole_delay()).ok_or_else(|| {
         FitError::Few(
             lines
                 .iter()
@@ -292,24 +307,10 @@ pub fn fit(
         )
     })?;
     let parameters = parameters(machine);
-    let rough = fit.relative_weights(ROUGH);
     let forces = match machine.target.feedback {
         FeedbackKind::Acceleration | FeedbackKind::Both => LEGS,
         FeedbackKind::Force => 0,
     };
-    let mut x = DVector::zeros(parameters.len());
-    for added in ADDED {
-        let target = fit.damped(added, forces);
-        let problem = Problem {
-            machine,
-            parameters: &parameters,
-            hertz: &fit.hertz,
-            target: &target,
-            weights: &rough,
-            added,
-        };
-        x = problem.solve(x, progress).ok_or(FitError::NoModel)?.x;
-    }
     let problem = Problem {
         machine,
         parameters: &parameters,
@@ -318,7 +319,32 @@ pub fn fit(
         weights: &fit.weights,
         added: 0.0,
     };
-    let point = problem.solve(x, progress).ok_or(FitError::NoModel)?;
+    let mut best: Option<Point> = None;
+    for error in ROUGH {
+        let rough = fit.relative_weights(error);
+        let begin = Some(DVector::zeros(parameters.len()));
+        let near = ADDED.into_iter().fold(begin, |x, added| {
+            let problem = Problem {
+                target: &fit.damped(added, forces),
+                weights: &rough,
+                added,
+                ..problem
+            };
+            Some(problem.solve(x?, progress)?.x)
+        });
+        // Some lead to machines that cannot be.
+        let Some(point) = near.and_then(|x| problem.solve(x, progress)) else {
+            continue;
+        };
+        let square = |point: &Point| point.errors.norm_squared();
+        if best
+            .as_ref()
+            .is_none_or(|best| square(&point) < square(best))
+        {
+            best = Some(point);
+        }
+    }
+    let point = best.ok_or(FitError::NoModel)?;
     let derivatives = problem.derivatives(&point).ok_or(FitError::NoModel)?;
     // The changes themselves are among the errors, so it is regular.
     let covariance = derivatives
@@ -351,13 +377,14 @@ pub fn fit(
     };
     let alike = groups.into_iter().map(named).collect();
     let fitted = problem.machine(&point.x);
+    let delay = problem.delay(&point.x);
     let [before, after] = [machine, &fitted].map(|machine| Study::new(machine.clone()));
     let (Ok(before), Ok(after)) = (before, after) else {
         return Err(FitError::NoModel);
     };
     let misfits = lines.iter().map(|line| Misfit {
         hz: line.hz,
-        error: line.distance(&after.plant().response(line.hz).g22()),
+        error: line.distance(&(after.plant().response(line.hz).g22() * turn(line.hz, delay))),
         before: line.distance(&before.plant().response(line.hz).g22()),
         expected: line.noise(),
     });

@@ -1,6 +1,6 @@
 //! What of a machine is uncertain, and how much before it is measured.
 
-use nalgebra::{Rotation3, Unit, Vector3};
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use serde::Serialize;
 use shared::LEGS;
 
@@ -11,7 +11,8 @@ use crate::machine::{FeedbackKind, Machine};
 pub enum Quantity {
     /// Mass of a body, its inertia in proportion.
     Mass(usize),
-    /// A principal moment of inertia of a body, beside that.
+    /// A second moment of the mass of a body about its centre of gravity, along a principal axis,
+    /// beside that of its mass. Whatever it is, there is a body with it.
     Inertia(usize, usize),
     /// A coordinate of the centre of gravity of a body.
     Cog(usize, usize),
@@ -25,7 +26,7 @@ pub enum Quantity {
     Tilt(usize, usize),
     /// Gain of a leg.
     ActuatorGain(usize),
-    /// Time from the sample to the new forces.
+    /// Delay of amplifiers and sensors beside what the file gives.
     Delay,
 }
 
@@ -82,8 +83,9 @@ pub fn parameters(machine: &Machine) -> Vec<Parameter> {
         );
         let (moments, _) = body.principal();
         for k in 0..3 {
-            if moments[k] > 0.0 {
-                let name = format!("inertia {} of {name}", k + 1);
+            // Nothing is spread across a flat body.
+            if spread(&moments, k) > FLAT * moments.max() {
+                let name = format!("spread of the mass of {name} along its axis {}", k + 1);
                 add(Quantity::Inertia(i, k), name, relative, known.inertia);
             }
         }
@@ -153,6 +155,14 @@ pub fn parameters(machine: &Machine) -> Vec<Parameter> {
     all
 }
 
+/// Part of the largest moment of inertia below which a second moment is rounding.
+const FLAT: f64 = 1e-6;
+
+/// The second moment of mass ∫x² dm along principal axis `k`, kg m².
+fn spread(moments: &Vector3<f64>, k: usize) -> f64 {
+    0.5 * moments.sum() - moments[k]
+}
+
 /// Two axes across a direction of length 1.
 fn across(direction: &Vector3<f64>) -> [Unit<Vector3<f64>>; 2] {
     let least = direction.iamin();
@@ -160,7 +170,8 @@ fn across(direction: &Vector3<f64>) -> [Unit<Vector3<f64>>; 2] {
     [first, Unit::new_normalize(direction.cross(&first))]
 }
 
-/// `original` with changed quantities; gains as errors that the controller does not know.
+/// `original` with changed quantities, but for the delay; gains as errors that the controller does not
+/// know.
 pub fn changed(original: &Machine, parameters: &[Parameter], changes: &[f64]) -> Machine {
     let mut machine = original.clone();
     // All tilts of a sensor are about axes across the file's direction.
@@ -172,11 +183,13 @@ pub fn changed(original: &Machine, parameters: &[Parameter], changes: &[f64]) ->
                 machine.bodies[i].inertia *= change.exp();
             }
             Quantity::Inertia(i, k) => {
-                // They stay the axes of the changed tensor.
-                let (_, axes) = original.bodies[i].principal();
+                // They stay the axes of the changed tensor. A second moment is part of the moments of
+                // inertia about both other axes.
+                let (moments, axes) = original.bodies[i].principal();
+                let (before, after) = (original.bodies[i].mass, machine.bodies[i].mass);
+                let more = spread(&moments, k) * after / before * change.exp_m1();
                 let axis = axes.column(k);
-                let own = (axis.transpose() * machine.bodies[i].inertia * axis)[(0, 0)];
-                machine.bodies[i].inertia += axis * axis.transpose() * (own * change.exp_m1());
+                machine.bodies[i].inertia += (Matrix3::identity() - axis * axis.transpose()) * more;
             }
             Quantity::Cog(i, k) => machine.bodies[i].cog[k] += change,
             Quantity::Stiffness(i) => {
@@ -198,7 +211,8 @@ pub fn changed(original: &Machine, parameters: &[Parameter], changes: &[f64]) ->
             }
             Quantity::Tilt(i, axis) => tilts[i][axis] = change,
             Quantity::ActuatorGain(i) => machine.gain_errors.actuators[i] = change.exp_m1(),
-            Quantity::Delay => machine.board.latch_delay += change,
+            // Not of the machine: a board latches when it is told to.
+            Quantity::Delay => {}
         }
     }
     for (sensor, tilt) in machine.accelerometers.iter_mut().flatten().zip(tilts) {

@@ -469,8 +469,8 @@ pub struct ChannelGains {
 pub struct Uncertainty {
     /// Of the mass of each rigid body, relative (no unit).
     pub mass: f64,
-    /// Of each principal moment of inertia of a rigid body, apart from that of its mass, relative
-    /// (no unit).
+    /// Of each second moment ∫x² dm of a rigid body along a principal axis, apart from that of its
+    /// mass, relative (no unit).
     pub inertia: f64,
     /// Of each coordinate of the centre of gravity of a rigid body, m.
     pub cog: f64,
@@ -484,7 +484,7 @@ pub struct Uncertainty {
     pub misalignment: f64,
     /// Of the gain of each actuator, relative (no unit).
     pub actuator_gain: f64,
-    /// Of the delay from the sample to the new forces, s.
+    /// Of the delay of amplifiers and sensors beside what the file gives, s.
     pub delay: f64,
 }
 

@@ -1121,8 +1121,8 @@ impl Default for RobustnessEntry {
 pub struct UncertaintyEntry {
     /// Of the mass of each rigid body, relative (no unit). Above 0 and below 1.
     pub mass: f64,
-    /// Of each principal moment of inertia of a rigid body, apart from that of its mass, relative
-    /// (no unit). Above 0 and below 1.
+    /// Of each second moment ∫x² dm of a rigid body along a principal axis, apart from that of its
+    /// mass, relative (no unit). Above 0 and below 1.
     pub inertia: f64,
     /// Of each coordinate of the centre of gravity of a rigid body, m. Above 0.
     pub cog: f64,
@@ -1136,7 +1136,7 @@ pub struct UncertaintyEntry {
     pub misalignment: f64,
     /// Of the gain of each actuator, relative (no unit). Above 0 and below 1.
     pub actuator_gain: f64,
-    /// Of the delay from the sample to the new forces, s. Above 0.
+    /// Of the delay of amplifiers and sensors beside what this file gives, s. Above 0.
     pub delay: f64,
 }
 

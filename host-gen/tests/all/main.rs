@@ -8,6 +8,7 @@ mod cases;
 mod common;
 mod edits;
 mod flexible_bodies;
+mod identification;
 mod kept_searches;
 mod link_without_answer;
 mod measuring_amplitude;

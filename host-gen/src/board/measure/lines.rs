@@ -9,12 +9,11 @@ use shared::link::Request;
 use shared::multisine::{BLOCK, FEWEST, LINES, Line, WINDOWS};
 use shared::table::{Table, ValidTable};
 
-use super::{FrfError, Resonance, setting};
+use super::{FrfError, RationalFit, Resonance, setting};
 use crate::control::LinearLaw;
 use crate::control::supervision::sensor_noise;
 use crate::design::Study;
 use crate::numeric::exposure::about_mean;
-use crate::numeric::vector_fit::Rational;
 use crate::plant::Gain;
 
 /// Largest part of a leg's force limit that the test signal, and what the loop adds to it,
@@ -205,8 +204,8 @@ impl Pass {
     /// sensors that answer most. And all are the largest with which, by `responses` for each
     /// leg in turn,
     ///
-    /// - the sum stays within the force limit, and the forces of all legs within half of it at any
-    ///   time;
+    /// - the sum stays within the force limit, with the loop closed within half of it, and the forces
+    ///   of all legs within half of it at any time;
     /// - every sensor stays within a third of the ADC's range;
     /// - with the loop closed, the rms of the forces stays below `level`, from which growth is a
     ///   fault;
@@ -276,7 +275,8 @@ impl Pass {
         let board = &machine.board;
         let t = table.get();
         let closed = responses.iter().any(|response| response.closed);
-        let mut most = force_limit(t);
+        // Where they begin and end, the loop answers, too.
+        let mut most = if closed { PART_OF_LIMIT } else { 1.0 } * force_limit(t);
         // Four points in the shortest turn.
         let length = self.samples() / 4;
         let inverse = FftPlanner::new().plan_fft_inverse(length as usize);
@@ -438,13 +438,9 @@ impl Response {
         table: &ValidTable,
         law: Option<&LinearLaw>,
         hertz: &[f64],
-        fit: &Rational,
+        fit: &RationalFit,
     ) -> Vec<Self> {
-        let at = |hz: &f64| {
-            let parts = fit.at(*hz);
-            let plant = Gain::from_column_slice(parts.as_slice());
-            Self::new(study, table, law, *hz, &plant)
-        };
+        let at = |hz: &f64| Self::new(study, table, law, *hz, &fit.at(*hz));
         hertz.iter().map(at).collect()
     }
 }

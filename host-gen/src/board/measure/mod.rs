@@ -31,7 +31,7 @@ use experiment::{Course, Experiment};
 use lines::{force_limit, sensitivity};
 
 pub use lines::{Pass, Response};
-pub use rational_fit::{RationalFit, Resonance};
+pub use rational_fit::{RationalFit, Resonance, turn};
 
 /// Settings of a measurement.
 #[derive(Clone, Copy, Debug)]
@@ -256,6 +256,7 @@ pub fn measure(
         mode: report.mode,
         progress,
     };
+    let delay = study.machine().board.whole_delay();
     let mut measured = Vec::new();
     let mut pass = Pass::first(rate, settings.band)?;
     let responses = Response::of_model(study, table, law, &pass.hertz());
@@ -268,11 +269,11 @@ pub fn measure(
         &mut measured,
     );
     if !settings.coarse {
-        let fit = RationalFit::new(&measured);
+        let fit = RationalFit::new(&measured, delay);
         let resonances = fit.as_ref().map_or(&[][..], |fit| &fit.resonances);
         let mut pass = Pass::second(rate, settings.band, resonances)?;
         let responses = match &fit {
-            Some(fit) => Response::of_fit(study, table, law, &pass.hertz(), &fit.rational),
+            Some(fit) => Response::of_fit(study, table, law, &pass.hertz(), fit),
             None => Response::of_model(study, table, law, &pass.hertz()),
         };
         pass.set_amplitudes(study, table, &responses, most);
@@ -286,7 +287,7 @@ pub fn measure(
         measured.sort_by(|a, b| a.hz.total_cmp(&b.hz));
     }
     Ok(Measurement {
-        resonances: RationalFit::new(&measured).map_or_else(Vec::new, |fit| fit.resonances),
+        resonances: RationalFit::new(&measured, delay).map_or_else(Vec::new, |fit| fit.resonances),
         lines: measured,
     })
 }

@@ -6,6 +6,7 @@ use shared::LEGS;
 
 use super::MeasuredLine;
 use crate::numeric::vector_fit::Rational;
+use crate::plant::Gain;
 
 /// Pairs of poles that are sought.
 const PAIRS: usize = 12;
@@ -14,7 +15,7 @@ const PAIRS: usize = 12;
 const EXACT: f64 = 1e-3;
 
 /// A pole of higher damping is no resonance whose peak needs lines of its own.
-const RESONANT: f64 = 0.2;
+const RESONANT: f64 = 0.1;
 
 /// Mean square of what a resonance adds to a response, summed over the lines, each relative to its
 /// error: below it, noise could have made the pole.
@@ -41,16 +42,19 @@ pub struct RationalFit {
     pub weights: DMatrix<f64>,
     /// Resonances that the measurement shows beyond doubt, ascending.
     pub resonances: Vec<Resonance>,
-    /// The function.
-    pub rational: Rational,
+    /// The function, of the responses without the delay.
+    rational: Rational,
+    /// The loop's delay, s.
+    delay: f64,
     /// Size of an entry, as the root of the mean square of its kind of sensors, in the form of
     /// `weights`.
     sizes: DMatrix<f64>,
 }
 
 impl RationalFit {
-    /// Through lines in ascending order. None where there are too few lines.
-    pub fn new(lines: &[MeasuredLine]) -> Option<Self> {
+    /// Through lines in ascending order, which are measured with this `delay` from the sample to the
+    /// middle of the hold, s. None where there are too few lines.
+    pub fn new(lines: &[MeasuredLine], delay: f64) -> Option<Self> {
         let lines: Vec<_> = lines.iter().filter(|line| line.is_clear()).collect();
         let hertz: Vec<_> = lines.iter().map(|line| line.hz).collect();
         let plants: Vec<_> = lines.iter().map(|line| line.gain()).collect();
@@ -66,7 +70,8 @@ impl RationalFit {
         let [errors, sizes] = [0, 1].map(of_kind);
         let weights = errors.zip_map(&sizes, |error, size| 1.0 / error.hypot(EXACT * size));
         let pairs = PAIRS.min(hertz.len().saturating_sub(2) / 2);
-        let rational = Rational::fit(&hertz, &responses, &weights, pairs)?;
+        let undelayed = delayed(responses.clone(), &hertz, -delay);
+        let rational = Rational::fit(&hertz, &undelayed, &weights, pairs)?;
         let mut resonances = Vec::new();
         for (index, pole) in rational.poles.iter().enumerate() {
             let found = Resonance {
@@ -79,7 +84,8 @@ impl RationalFit {
                 parts.sum::<f64>()
             };
             let certainty: f64 = hertz.iter().enumerate().map(square).sum();
-            if found.damping < RESONANT && certainty > CERTAIN * count as f64 {
+            let within = found.hz > hertz[0] && found.hz < hertz[hertz.len() - 1];
+            if within && found.damping < RESONANT && certainty > CERTAIN * count as f64 {
                 resonances.push(found);
             }
         }
@@ -90,6 +96,7 @@ impl RationalFit {
             weights,
             resonances,
             rational,
+            delay,
             sizes,
         })
     }
@@ -103,7 +110,14 @@ impl RationalFit {
         let power = |j: usize| if j % rows < forces { 2 } else { 0 };
         let damped = self.rational.damped(added, RESONANT, power);
         let rows = self.hertz.iter().map(|hz| damped.at(*hz).transpose());
-        DMatrix::from_rows(&rows.collect::<Vec<_>>())
+        let undelayed = DMatrix::from_rows(&rows.collect::<Vec<_>>());
+        delayed(undelayed, &self.hertz, self.delay)
+    }
+
+    /// G22 of the function at `hz`, Hz.
+    pub fn at(&self, hz: f64) -> Gain {
+        let entries = self.rational.at(hz) * turn(hz, self.delay);
+        Gain::from_column_slice(entries.as_slice())
     }
 
     /// Weights for errors of this part of the size of an entry. Where all are small, far below the
@@ -119,4 +133,21 @@ impl RationalFit {
         }
         weights
     }
+}
+
+/// e^(−jωτ) at `hz`, Hz: the factor of a `delay` τ, s.
+pub fn turn(hz: f64, delay: f64) -> Complex<f64> {
+    Complex::cis(-core::f64::consts::TAU * hz * delay)
+}
+
+/// Responses with a delay, s, more.
+fn delayed(
+    mut responses: DMatrix<Complex<f64>>,
+    hertz: &[f64],
+    delay: f64,
+) -> DMatrix<Complex<f64>> {
+    for (mut row, hz) in responses.row_iter_mut().zip(hertz) {
+        row *= turn(*hz, delay);
+    }
+    responses
 }
