@@ -27,6 +27,10 @@ use crate::progress::Progress;
 /// Damping ratios that are added in the first steps, one after the other.
 const ADDED: [f64; 5] = [0.3, 0.1, 0.03, 0.01, 0.003];
 
+/// How much more certain gains, directions and delay are in these steps: they would make up for masses
+/// and stiffnesses, and the search would stay where they do.
+const FIRM: f64 = 10.0;
+
 /// Relative errors that count as one standard deviation in these steps. With the larger ones, the
 /// quantities stay nearer to those of the file; which of them leads to the true machine depends on how
 /// far it is.
@@ -194,7 +198,12 @@ impl Problem<'_> {
         let weights = self.weights.map(|weight| Complex::from(SQRT_2 * weight));
         let weighted = (found - self.target).component_mul(&weights);
         let parts = weighted.iter().flat_map(|error| [error.re, error.im]);
-        let all: Vec<_> = parts.chain(x.iter().copied()).collect();
+        let changes = self.parameters.iter().zip(x.iter());
+        let changes = changes.map(|(parameter, x)| {
+            let firm = self.added > 0.0 && !parameter.quantity.is_mechanical();
+            if firm { FIRM * x } else { *x }
+        });
+        let all: Vec<_> = parts.chain(changes).collect();
         all.iter()
             .all(|error| error.is_finite())
             .then(|| all.into())
@@ -321,16 +330,17 @@ pub fn fit(
     };
     let mut best: Option<Point> = None;
     for error in ROUGH {
-        let rough = fit.relative_weights(error);
         let begin = Some(DVector::zeros(parameters.len()));
         let near = ADDED.into_iter().fold(begin, |x, added| {
+            let target = fit.damped(added, forces);
             let problem = Problem {
-                target: &fit.damped(added, forces),
-                weights: &rough,
+                weights: &fit.relative_weights(&target, error),
+                target: &target,
                 added,
                 ..problem
             };
-            Some(problem.solve(x?, progress)?.x)
+            let p = problem.solve(x?, progress)?;
+            Some(p.x)
         });
         // Some lead to machines that cannot be.
         let Some(point) = near.and_then(|x| problem.solve(x, progress)) else {

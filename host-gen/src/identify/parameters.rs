@@ -30,6 +30,20 @@ pub enum Quantity {
     Delay,
 }
 
+impl Quantity {
+    /// Whether it is one of the machine itself, and not of sensors and legs' drives.
+    pub fn is_mechanical(self) -> bool {
+        match self {
+            Self::Mass(_)
+            | Self::Inertia(..)
+            | Self::Cog(..)
+            | Self::Stiffness(_)
+            | Self::Damping => true,
+            Self::SensorGain(..) | Self::Tilt(..) | Self::ActuatorGain(_) | Self::Delay => false,
+        }
+    }
+}
+
 /// Unit in which the change of a quantity is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Scale {

@@ -46,9 +46,6 @@ pub struct RationalFit {
     rational: Rational,
     /// The loop's delay, s.
     delay: f64,
-    /// Size of an entry, as the root of the mean square of its kind of sensors, in the form of
-    /// `weights`.
-    sizes: DMatrix<f64>,
 }
 
 impl RationalFit {
@@ -97,7 +94,6 @@ impl RationalFit {
             resonances,
             rational,
             delay,
-            sizes,
         })
     }
 
@@ -120,18 +116,32 @@ impl RationalFit {
         Gain::from_column_slice(entries.as_slice())
     }
 
-    /// Weights for errors of this part of the size of an entry. Where all are small, far below the
-    /// resonances, the function is a small difference of large parts: there it is that part of the
-    /// middle size.
-    pub fn relative_weights(&self, error: f64) -> DMatrix<f64> {
-        let mut weights = self.sizes.clone();
-        for mut column in weights.column_iter_mut() {
-            let mut sorted: Vec<_> = column.iter().copied().collect();
-            sorted.sort_by(f64::total_cmp);
-            let middle = sorted[sorted.len() / 2];
-            column.apply(|size| *size = 1.0 / (error * size.max(middle)));
+    /// Weights for `responses` in the form of those measured, each with an error of this part of its
+    /// kind of sensors. Where all are small, far below the resonances, the function is a small
+    /// difference of large parts: there it is that part of the middle size.
+    pub fn relative_weights(&self, responses: &DMatrix<Complex<f64>>, error: f64) -> DMatrix<f64> {
+        let rows = responses.ncols() / LEGS;
+        let mut sizes = DMatrix::zeros(responses.nrows(), responses.ncols());
+        for first in (0..rows).step_by(LEGS) {
+            let own = |j: &usize| (first..first + LEGS).contains(&(j % rows));
+            let columns: Vec<_> = (0..responses.ncols()).filter(own).collect();
+            let mut all: Vec<_> = responses
+                .row_iter()
+                .map(|row| {
+                    let square: f64 = columns.iter().map(|j| row[*j].norm_sqr()).sum();
+                    square.sqrt() / LEGS as f64
+                })
+                .collect();
+            let each = all.clone();
+            all.sort_by(f64::total_cmp);
+            let middle = all[all.len() / 2];
+            for (k, size) in each.into_iter().enumerate() {
+                for j in &columns {
+                    sizes[(k, *j)] = size.max(middle);
+                }
+            }
         }
-        weights
+        sizes.map(|size| 1.0 / (error * size))
     }
 }
 
