@@ -7,7 +7,6 @@ use host_gen::board::link::LinkError;
 use host_gen::board::measure::FrfError;
 use host_gen::design::{DesignError, StudyError};
 use host_gen::floor::SpectrumError;
-use host_gen::identify::FitError;
 use host_gen::machine::MachineError;
 use host_gen::report::plots::PlotError;
 use host_gen::simulate::OtherBoard;
@@ -45,13 +44,6 @@ pub enum Failure {
         "{}: the file has no floor.spectrum; give it, or one of --criterion, --white, --spectrum and --record", .0.display()
     )]
     NoFloor(std::path::PathBuf),
-    #[error("{path}: {error}")]
-    Fit { path: String, error: FitError },
-    #[error("{path}: not a measurement of host-gen link frf --format json: {error}")]
-    Measurement {
-        path: String,
-        error: serde_json::Error,
-    },
     #[error("--truth {path}: {error}")]
     Truth { path: String, error: OtherBoard },
     #[error(transparent)]

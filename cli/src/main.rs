@@ -24,7 +24,6 @@ use arguments::{Common, Format};
 use command::campaign::CampaignArguments;
 use command::compare::CompareArguments;
 use command::design::DesignArguments;
-use command::fit::FitArguments;
 use command::floor::FloorArguments;
 use command::link::LinkArguments;
 use command::new::NewArguments;
@@ -158,10 +157,6 @@ enum Command {
     ///
     /// Example: host-gen sil models/metrology-frame.toml --listen 127.0.0.1:7700
     Sil(SilArguments),
-    /// Fit a machine file to responses that were measured on the machine, and write the fitted file.
-    ///
-    /// Example: host-gen fit models/yours.toml measured.json
-    Fit(FitArguments),
     /// Talk to a board: status, self-test, start, stop, test signals, recordings,
     /// measurements.
     ///
@@ -222,7 +217,6 @@ fn run(command: &Command, searcher: &Searcher) -> Result<(), Failure> {
         Command::Simulate(arguments) => command::simulate::simulate(arguments, searcher),
         Command::Campaign(arguments) => command::campaign::campaign(arguments, searcher),
         Command::Sil(arguments) => command::sil::sil(arguments, searcher),
-        Command::Fit(arguments) => command::fit::fit(arguments),
         Command::Link(arguments) => command::link::link(arguments, searcher),
     }
 }

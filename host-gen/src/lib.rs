@@ -17,7 +17,6 @@
 //! | [`analysis`] | what do machine and controller do? |
 //! | [`simulate`] | what happens in time? |
 //! | [`board`] | what does the real board do? |
-//! | [`identify`] | which machine is it? |
 //! | [`report`] | how are results shown? |
 //!
 //! Equation numbers are those of J. van Dijk, "Mechatronic Design of
@@ -42,6 +41,5 @@ pub mod design;
 pub mod analysis;
 pub mod simulate;
 pub mod board;
-pub mod identify;
 
 pub mod report;

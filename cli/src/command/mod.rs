@@ -4,7 +4,6 @@ pub mod bound;
 pub mod campaign;
 pub mod compare;
 pub mod design;
-pub mod fit;
 pub mod floor;
 pub mod link;
 pub mod model;

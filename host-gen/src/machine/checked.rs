@@ -84,8 +84,6 @@ pub struct Machine {
     pub simulation: Simulation,
     /// Settings of the Monte Carlo run.
     pub robustness: Robustness,
-    /// How far the machine may be from the numbers of its file.
-    pub uncertainty: Uncertainty,
     /// Sources of the numbers.
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description without comments and layout: everything that decides the
@@ -464,30 +462,6 @@ pub struct ChannelGains {
     pub actuators: [f64; LEGS],
 }
 
-/// Standard deviations of the numbers of a file.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Uncertainty {
-    /// Of the mass of each rigid body, relative (no unit).
-    pub mass: f64,
-    /// Of each second moment ∫x² dm of a rigid body along a principal axis, apart from that of its
-    /// mass, relative (no unit).
-    pub inertia: f64,
-    /// Of each coordinate of the centre of gravity of a rigid body, m.
-    pub cog: f64,
-    /// Of the stiffness of each beam, relative (no unit).
-    pub stiffness: f64,
-    /// Of all damping together, relative (no unit).
-    pub damping: f64,
-    /// Of the gain of each sensor, relative (no unit).
-    pub sensor_gain: f64,
-    /// Of the direction of each accelerometer about both axes across it, rad.
-    pub misalignment: f64,
-    /// Of the gain of each actuator, relative (no unit).
-    pub actuator_gain: f64,
-    /// Of the delay of amplifiers and sensors beside what the file gives, s.
-    pub delay: f64,
-}
-
 /// How machines are perturbed for the Monte Carlo run; all distributions are uniform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robustness {
@@ -652,7 +626,6 @@ impl Machine {
             gain_errors,
             supervision: _,
             shapes: _,
-            uncertainty: _,
             provenance: _,
             digest: _,
             description: _,

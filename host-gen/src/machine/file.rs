@@ -73,7 +73,6 @@
 //!     supervision: SupervisionSettings::default(),
 //!     simulation: Simulation::default(),
 //!     robustness: RobustnessEntry::default(),
-//!     uncertainty: UncertaintyEntry::default(),
 //!     provenance: Vec::new(),
 //! };
 //! let mut on_disc = Vec::new();
@@ -209,9 +208,6 @@ pub struct MachineFile {
     /// modal law is verified.
     #[serde(default, skip_serializing)]
     pub robustness: RobustnessEntry,
-    /// Standard deviations of the numbers of this file. Not part of the digest.
-    #[serde(default, skip_serializing)]
-    pub uncertainty: UncertaintyEntry,
     /// Sources of the numbers in this file. Not part of the digest.
     #[serde(default, skip_serializing)]
     pub provenance: Vec<Provenance>,
@@ -1106,52 +1102,6 @@ impl Default for RobustnessEntry {
             delay: 1e-6,
             samples: 200,
             seed: 1,
-        }
-    }
-}
-
-/// `[uncertainty]`: how far the machine may be from the numbers of this file, as standard deviations.
-/// `fit` weighs a measurement against them.
-///
-/// The defaults are those of a machine as built from drawings, with parts from a catalogue: masses to
-/// 20 %, centres of gravity to 20 mm, stiffnesses to 30 %, damping to a factor of two, gains of sensors
-/// to 3 % and of actuators to 10 %, directions to 2°, each at two standard deviations.
-#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct UncertaintyEntry {
-    /// Of the mass of each rigid body, relative (no unit). Above 0 and below 1.
-    pub mass: f64,
-    /// Of each second moment ∫x² dm of a rigid body along a principal axis, apart from that of its
-    /// mass, relative (no unit). Above 0 and below 1.
-    pub inertia: f64,
-    /// Of each coordinate of the centre of gravity of a rigid body, m. Above 0.
-    pub cog: f64,
-    /// Of the stiffness of each beam, relative (no unit). Above 0 and below 1.
-    pub stiffness: f64,
-    /// Of all damping together, relative (no unit). Above 0 and below 1.
-    pub damping: f64,
-    /// Of the gain of each sensor, relative (no unit). Above 0 and below 1.
-    pub sensor_gain: f64,
-    /// Of the direction of each accelerometer about both axes across it, °. Above 0, up to 45.
-    pub misalignment: f64,
-    /// Of the gain of each actuator, relative (no unit). Above 0 and below 1.
-    pub actuator_gain: f64,
-    /// Of the delay of amplifiers and sensors beside what this file gives, s. Above 0.
-    pub delay: f64,
-}
-
-impl Default for UncertaintyEntry {
-    fn default() -> Self {
-        Self {
-            mass: 0.1,
-            inertia: 0.1,
-            cog: 0.01,
-            stiffness: 0.15,
-            damping: 0.35,
-            sensor_gain: 0.015,
-            misalignment: 1.0,
-            actuator_gain: 0.05,
-            delay: 1e-6,
         }
     }
 }

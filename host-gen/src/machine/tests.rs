@@ -212,7 +212,6 @@ fn frame() -> MachineFile {
         supervision: SupervisionSettings::default(),
         simulation: Simulation::default(),
         robustness: RobustnessEntry::default(),
-        uncertainty: UncertaintyEntry::default(),
         provenance: Vec::new(),
     }
 }

@@ -13,14 +13,13 @@ use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
     Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
     FlexibleBody, GainErrors, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring,
-    Stiffness, Structure, Target, Uncertainty,
+    Stiffness, Structure, Target,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind, ForceSensorEntry,
     GainsEntry, Inertia, Joint, JointEntry, LawName, MachineFile, Minimise, ProfileEntry,
     RobustnessEntry, RollOff, Rotation, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
-    UncertaintyEntry,
 };
 use super::flexible::flexible_body;
 use super::limits::{self, Limits};
@@ -253,7 +252,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     supervision(&file.supervision, board.sample_rate)?;
     simulation(&file.simulation, board.sample_rate)?;
     let robustness = robustness(&file.robustness, bodies, &names, &actuators)?;
-    let uncertainty = uncertainty(&file.uncertainty)?;
 
     if !file.provenance.is_empty() {
         // Numbers were checked, so this does not fail.
@@ -288,7 +286,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         supervision: file.supervision,
         simulation: file.simulation,
         robustness,
-        uncertainty,
         gain_errors: GainErrors::default(),
         provenance: file.provenance.clone(),
         description: file,
@@ -1059,25 +1056,6 @@ fn gains(spec: &GainsEntry, feedback: FeedbackKind) -> Checked<ChannelGains> {
             FeedbackKind::Force => [force_sensors, accelerometers],
         },
         actuators: six("actuators", spec.actuators)?,
-    })
-}
-
-fn uncertainty(spec: &UncertaintyEntry) -> Checked<Uncertainty> {
-    let part = |key: &str, value: f64| {
-        let entry = format!("uncertainty.{key}");
-        let value = fraction(&entry, value)?;
-        positive(&entry, value, "")
-    };
-    Ok(Uncertainty {
-        mass: part("mass", spec.mass)?,
-        inertia: part("inertia", spec.inertia)?,
-        cog: positive("uncertainty.cog", spec.cog, "m")?,
-        stiffness: part("stiffness", spec.stiffness)?,
-        damping: part("damping", spec.damping)?,
-        sensor_gain: part("sensor_gain", spec.sensor_gain)?,
-        misalignment: positive("uncertainty.misalignment", spec.misalignment, "°")?.to_radians(),
-        actuator_gain: part("actuator_gain", spec.actuator_gain)?,
-        delay: positive("uncertainty.delay", spec.delay, "s")?,
     })
 }
 

@@ -139,7 +139,7 @@ fn no_machine_is_shaken_into_a_fault() {
         }
         if by == 1.0 {
             // Parts of slower sines would be pulses, and a row of them drives the loop away.
-            let faster = pass(study, table, Some(&law), 5.0);
+            let faster = pass(study, table, Some(&law), 40.0);
             set(&mut board, &faster);
             end_anywhere(&mut board, &faster);
         }

@@ -31,7 +31,7 @@ use experiment::{Course, Experiment};
 use lines::{force_limit, sensitivity};
 
 pub use lines::{Pass, Response};
-pub use rational_fit::{RationalFit, Resonance, turn};
+pub use rational_fit::{RationalFit, Resonance};
 
 /// Settings of a measurement.
 #[derive(Clone, Copy, Debug)]
@@ -121,18 +121,6 @@ impl MeasuredLine {
     /// Whether it is so exact that it says something about poles.
     pub fn is_clear(&self) -> bool {
         self.noise() < NOISY
-    }
-
-    /// Frobenius norm of measured minus another G22, relative to the measured one; the larger value
-    /// of the two kinds of sensors.
-    pub fn distance(&self, other: &Gain) -> f64 {
-        let plant = self.gain();
-        let rows = (0..plant.nrows()).step_by(LEGS);
-        rows.map(|row| {
-            let [measured, other] = [&plant, other].map(|gain| gain.rows(row, LEGS));
-            (measured - other).norm() / measured.norm()
-        })
-        .fold(0.0, f64::max)
     }
 }
 

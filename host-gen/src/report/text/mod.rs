@@ -8,7 +8,6 @@ mod controller;
 mod faults;
 mod floors;
 mod gains;
-mod identification;
 mod loops;
 mod modes;
 mod plant_matrices;
