@@ -165,7 +165,7 @@ error: bodies.frame.mass: mass must be above 0 kg, not -742
         );
         assert!(marked(&shown).1 >= 1, "{shown}");
         let empty = of_text("");
-        assert!(empty.contains("missing key `format`"), "{empty}");
+        assert!(empty.contains("missing keys `format`, `name`"), "{empty}");
     }
 
     /// Not in the file that was asked for, but in the one that it is based on.

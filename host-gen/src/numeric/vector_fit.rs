@@ -154,6 +154,18 @@ impl Rational {
                 },
             )?;
         }
+        Self::with_poles(hz, responses, weights, poles)
+    }
+
+    /// The best function with these `poles`, which are as [`Rational::poles`].
+    ///
+    /// None if a weight or a response is not finite.
+    pub fn with_poles(
+        hz: &[f64],
+        responses: &DMatrix<Complex<f64>>,
+        weights: &DMatrix<f64>,
+        poles: Vec<Complex<f64>>,
+    ) -> Option<Self> {
         let basis = basis(&poles, hz);
         let columns: Option<Vec<_>> = responses
             .column_iter()
@@ -171,14 +183,21 @@ impl Rational {
         })
     }
 
-    /// What the pole with index `pole` adds to all responses at `hz`, Hz.
-    pub fn part(&self, pole: usize, hz: f64) -> DVector<Complex<f64>> {
-        let width = |pole: &Complex<f64>| if pole.im == 0.0 { 1 } else { 2 };
-        let from = self.poles[..pole].iter().map(width).sum();
-        let own = [self.poles[pole]];
-        let rows = self.coefficients.rows(from, width(&own[0]));
-        rows.map(Complex::from)
-            .tr_mul(&DVector::from_vec(fractions(&own, hz)))
+    /// Sum of the squares of all weighted errors.
+    pub fn misfit(
+        &self,
+        hz: &[f64],
+        responses: &DMatrix<Complex<f64>>,
+        weights: &DMatrix<f64>,
+    ) -> f64 {
+        let square = |(k, hz): (usize, &f64)| {
+            let found = self.at(*hz);
+            let parts = found.iter().enumerate();
+            parts
+                .map(|(j, x)| ((x - responses[(k, j)]) * weights[(k, j)]).norm_sqr())
+                .sum::<f64>()
+        };
+        hz.iter().enumerate().map(square).sum()
     }
 
     /// All responses at `hz`, Hz.
@@ -252,20 +271,23 @@ mod tests {
                 found.poles
             );
         }
+        let misfit = |rational: &Rational| rational.misfit(&hz, &responses, &weights);
+        assert!(misfit(&found) < 1e-10);
+        // Without one of the three there is no such function.
+        let near = found
+            .poles
+            .iter()
+            .position(|pole| (pole.im / 15.1 - 1.0).abs() < 0.01);
+        let mut poles = found.poles.clone();
+        poles.remove(near.unwrap());
+        let without = Rational::with_poles(&hz, &responses, &weights, poles).unwrap();
+        assert!(misfit(&without) > 0.1);
         // Between them, too.
         for k in 0..200 {
             let hz = 3.0 * 60f64.powf(f64::from(k) / 199.0);
             let error =
                 found.at(hz) - DVector::from_fn(2, |j, _| response(both[j].0, both[j].1, hz));
             assert!(error.norm() < 1e-5 * found.at(hz).norm(), "{hz}");
-            // The parts of the poles and the constant are all of it.
-            let parts = (0..found.poles.len()).map(|pole| found.part(pole, hz));
-            let constant = found
-                .coefficients
-                .row(found.coefficients.nrows() - 1)
-                .transpose();
-            let sum = parts.fold(constant.map(Complex::from), |sum, part| sum + part);
-            assert!((sum - found.at(hz)).norm() < 1e-12 * found.at(hz).norm());
         }
     }
 }

@@ -149,7 +149,7 @@ impl Pass {
     /// The first pass: over the whole `band`, Hz, as far as its windows are long enough.
     ///
     /// # Errors
-    /// If the board's rate is too low for the band.
+    /// If the board's rate is too low for the band, or all of the band is too low for the windows.
     pub fn first(rate: f64, band: [f64; 2]) -> Result<Self, FrfError> {
         let mut pass = Self::with_windows(rate, 1.0, band);
         let [lowest, highest] = pass.range();
@@ -157,6 +157,12 @@ impl Pass {
             return Err(setting(
                 "to",
                 format!("be at most {highest:.1} Hz on this board"),
+            ));
+        }
+        if band[1] < lowest {
+            return Err(setting(
+                "to",
+                format!("be at least {lowest:.2} Hz on this board"),
             ));
         }
         pass.fill([band[0].max(lowest), band[1]]);
@@ -209,8 +215,8 @@ impl Pass {
     /// - every sensor stays within a third of the ADC's range;
     /// - with the loop closed, the rms of the forces stays below `level`, from which growth is a
     ///   fault;
-    /// - with the loop closed, the rms of every sensor in the supervisor's windows, with its noise and the floor of
-    ///   `[simulation]`, stays within 0.9 times the ratios `wild` and `dull` to the median of its
+    /// - with the loop closed, the rms of every sensor in the supervisor's windows, with its noise and
+    ///   the floor of `[simulation]`, stays within 0.9 times the ratios `wild` and `dull` to the median of its
     ///   kind. At any amplitude, if the responses alone do.
     ///
     /// `most` is the largest sum of them, N; none for the force limit.

@@ -17,8 +17,8 @@ const EXACT: f64 = 1e-3;
 /// A pole of higher damping is no resonance whose peak needs lines of its own.
 const RESONANT: f64 = 0.1;
 
-/// Mean square of what a resonance adds to a response, summed over the lines, each relative to its
-/// error: below it, noise could have made the pole.
+/// Squares of errors, relative to their standard deviations and for each response, that a resonance
+/// takes away. Any pole takes away about one.
 const CERTAIN: f64 = 25.0;
 
 /// A resonance that was measured.
@@ -69,18 +69,17 @@ impl RationalFit {
         let pairs = PAIRS.min(hertz.len().saturating_sub(2) / 2);
         let undelayed = delayed(responses.clone(), &hertz, -delay);
         let rational = Rational::fit(&hertz, &undelayed, &weights, pairs)?;
+        let misfit = rational.misfit(&hertz, &undelayed, &weights);
         let mut resonances = Vec::new();
         for (index, pole) in rational.poles.iter().enumerate() {
             let found = Resonance {
                 hz: pole.norm(),
                 damping: -pole.re / pole.norm(),
             };
-            let square = |(k, hz): (usize, &f64)| {
-                let part = rational.part(index, *hz);
-                let parts = (0..count).map(|j| (part[j] * weights[(k, j)]).norm_sqr());
-                parts.sum::<f64>()
-            };
-            let certainty: f64 = hertz.iter().enumerate().map(square).sum();
+            let mut others = rational.poles.clone();
+            others.remove(index);
+            let without = Rational::with_poles(&hertz, &undelayed, &weights, others)?;
+            let certainty = without.misfit(&hertz, &undelayed, &weights) - misfit;
             let within = found.hz > hertz[0] && found.hz < hertz[hertz.len() - 1];
             if within && found.damping < RESONANT && certainty > CERTAIN * count as f64 {
                 resonances.push(found);
