@@ -809,13 +809,13 @@ pub struct BoardEntry {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct GainsEntry {
-    /// Of the accelerometers. Default: 1.
+    /// Of the accelerometers (no unit). Default: 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acceleration: Option<[f64; 6]>,
-    /// Of the force sensors. Default: 1.
+    /// Of the force sensors (no unit). Default: 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force: Option<[f64; 6]>,
-    /// Of the actuators. Default: 1.
+    /// Of the actuators (no unit). Default: 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub actuators: Option<[f64; 6]>,
 }

@@ -72,6 +72,9 @@ fn short(x: f64) -> String {
     }
 }
 
+/// Why gains of single channels are near 1.
+const GAINS_WHY: &str = "a common factor or a sign belongs into sensitivity or gain";
+
 const fn limits(
     key: &'static str,
     least: f64,
@@ -538,6 +541,9 @@ const ALL: &[Limits] = &[
     ),
     limits("simulation.floor_band", 1e-3, 1e8, "Hz", "slower is tides"),
     limits("simulation.seed", 0.0, f64::MAX, "", "any"),
+    limits("board.gains.acceleration", 0.1, 10.0, "", GAINS_WHY),
+    limits("board.gains.force", 0.1, 10.0, "", GAINS_WHY),
+    limits("board.gains.actuators", 0.1, 10.0, "", GAINS_WHY),
     limits("robustness.mass", 0.0, 1.0, "", "a fraction"),
     limits(
         "robustness.cog",

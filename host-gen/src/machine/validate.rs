@@ -1038,15 +1038,10 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
 fn gains(spec: &GainsEntry, feedback: FeedbackKind) -> Checked<ChannelGains> {
     let six = |key: &str, gains: Option<[f64; LEGS]>| {
         let gains = gains.unwrap_or([1.0; LEGS]);
-        let good = |gain: &f64| (0.1..=10.0).contains(gain);
-        if gains.iter().all(good) {
-            return Ok(gains);
+        for gain in gains {
+            positive(&format!("board.gains.{key}"), gain, "")?;
         }
-        Err(EntryError::new(
-            format!("board.gains.{key}"),
-            "gains must be from 0.1 to 10, relative to that of all channels",
-        )
-        .fix("put a common factor or a sign into sensitivity or gain"))
+        Ok(gains)
     };
     let accelerometers = six("acceleration", spec.acceleration)?;
     let force_sensors = six("force", spec.force)?;

@@ -21,10 +21,14 @@ fn known_gains_are_in_the_table() {
             "{i}"
         );
     }
-    let error = parse(&edited(&[(
-        "board.gains.acceleration",
-        "[1.0, 1.0, 1.0, 1.0, 1.0, 0.0]",
-    )]));
-    let error = error.unwrap_err().to_string();
-    assert!(error.contains("gains must be from 0.1 to 10"), "{error}");
+    for (gain, said) in [
+        ("20.0", "must be 0.1 to 10"),
+        ("-1.0", "must be above 0"),
+        ("0.0", "must be above 0"),
+    ] {
+        let gains = format!("[1.0, 1.0, 1.0, 1.0, 1.0, {gain}]");
+        let error = parse(&edited(&[("board.gains.acceleration", &gains)])).unwrap_err();
+        let error = error.to_string();
+        assert!(error.contains(said), "{error}");
+    }
 }
