@@ -16,9 +16,9 @@ use crate::design::Study;
 use crate::numeric::exposure::about_mean;
 use crate::plant::Gain;
 
-/// Largest part of a leg's force limit that the test signal, and what the loop adds to it,
-/// may reach.
-const PART_OF_LIMIT: f64 = 0.5;
+/// Largest part of a leg's force limit that the test signal may reach, with the loop open and closed:
+/// where it begins and ends, a closed loop makes forces that are as large again.
+const PART_OF_LIMIT: [f64; 2] = [0.5, 0.25];
 
 /// Largest part of the ADC's range that the response of a sensor may reach: its transient
 /// can be as large again, the floor moves the machine too, and its damping may be lower.
@@ -210,8 +210,8 @@ impl Pass {
     /// sensors that answer most. And all are the largest with which, by `responses` for each
     /// leg in turn,
     ///
-    /// - the sum stays within the force limit, with the loop closed within half of it, and the forces
-    ///   of all legs within half of it at any time;
+    /// - the sum stays within the force limit, and the forces of all legs within half of it at any
+    ///   time; with the loop closed, within a half and a quarter;
     /// - every sensor stays within a third of the ADC's range;
     /// - with the loop closed, the rms of the forces stays below `level`, from which growth is a
     ///   fault;
@@ -281,8 +281,8 @@ impl Pass {
         let board = &machine.board;
         let t = table.get();
         let closed = responses.iter().any(|response| response.closed);
-        // Where they begin and end, the loop answers, too.
-        let mut most = if closed { PART_OF_LIMIT } else { 1.0 } * force_limit(t);
+        let part = PART_OF_LIMIT[usize::from(closed)];
+        let mut most = 2.0 * part * force_limit(t);
         // Four points in the shortest turn.
         let length = self.samples() / 4;
         let inverse = FftPlanner::new().plan_fft_inverse(length as usize);
@@ -309,7 +309,7 @@ impl Pass {
         for leg in 0..LEGS {
             for i in 0..LEGS {
                 let push = peak(&|response| response.forces[(i, leg)]);
-                most = most.min(PART_OF_LIMIT * force_limit(t) / push);
+                most = most.min(part * force_limit(t) / push);
                 if closed {
                     let rms = sum(&|response| 0.5 * response.forces[(i, leg)].norm_sqr()).sqrt();
                     most = most.min(f64::from(t.supervision.level) * force_limit(t) / rms);
