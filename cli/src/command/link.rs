@@ -233,8 +233,8 @@ struct FrfArguments {
     #[arg(long)]
     coarse: bool,
     /// Largest force of the test signal, N [default: from the model, so that the forces stay
-    /// within half their limits (a quarter with the loop closed), the sensors within a third of the ADC's range, and both within
-    /// what the supervisor takes for a fault].
+    /// within half their limits (a quarter with the loop closed), the sensors within a third of
+    /// the ADC's range, and both within what the supervisor takes for a fault].
     #[arg(long, allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Number of windows to average, at least 2.

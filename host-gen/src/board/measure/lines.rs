@@ -212,7 +212,8 @@ impl Pass {
     ///
     /// - the sum stays within the force limit, and the forces of all legs within half of it at any
     ///   time; with the loop closed, within a half and a quarter;
-    /// - every sensor stays within a third of the ADC's range;
+    /// - every sensor stays within a third of the ADC's range, also where the signal begins and the
+    ///   force jumps;
     /// - with the loop closed, the rms of the forces stays below `level`, from which growth is a
     ///   fault;
     /// - with the loop closed, the rms of every sensor in the supervisor's windows, with its noise and
@@ -318,6 +319,12 @@ impl Pass {
             for (kind, sensor) in board.fed_back().enumerate() {
                 let rows: [usize; LEGS] = core::array::from_fn(|i| kind * LEGS + i);
                 for i in rows {
+                    // Where the signal begins, all of the force may jump at once: far above the
+                    // resonances, the answer is that to a jump.
+                    if let Some(fastest) = responses.last() {
+                        let jump = fastest.sensors[(i, leg)].norm();
+                        most = most.min(PART_OF_RANGE * range(t, calibration(t, i)) / jump);
+                    }
                     let motion = peak(&|response| response.sensors[(i, leg)]);
                     most = most.min(PART_OF_RANGE * range(t, calibration(t, i)) / motion);
                 }
