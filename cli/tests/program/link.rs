@@ -94,7 +94,8 @@ fn a_session_over_tcp() {
         averages: 3,
         settling: 1,
         coarse: false,
-        amplitude: None,
+        // More than by default, which bears a force that jumps by all of it.
+        amplitude: Some(120.0),
     };
     let measured = measure(&mut client, &study, &table, &settings, &()).unwrap();
     let lines = &measured.lines;
@@ -239,7 +240,8 @@ fn a_machine_that_is_not_its_file() {
     let at = board.1.to_string();
     run(&["link", "--at", &at, "self-test"]);
     let shown = model.to_str().unwrap();
-    let json = run(&["link", "--at", &at, "--format", "json", "frf", shown]);
+    let frf = ["link", "--at", &at, "--format", "json", "frf", shown];
+    let json = run(&[&frf[..], &["--amplitude", "120"]].concat());
     let study = Study::new(Machine::load(&truth).unwrap()).unwrap();
     let modes = study.model().modes().hertz();
     let measured: Measurement = serde_json::from_slice(&json).unwrap();
