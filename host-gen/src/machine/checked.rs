@@ -138,11 +138,11 @@ pub struct Node {
 pub enum Carrier {
     /// The moving base.
     Base,
-    /// A body, by its index in [`Machine::bodies`].
+    /// A body, by its index in [`Structure::bodies`].
     Body(usize),
     /// Nothing: it moves by itself, held by beams.
     Free,
-    /// Itself, as an interface node of a flexible body, by its index in [`Machine::flexible`].
+    /// Itself, as an interface node of a flexible body, by its index in [`Structure::flexible`].
     Flexible(usize),
 }
 
@@ -194,7 +194,7 @@ impl Body {
 pub struct FlexibleBody {
     /// Name of the body.
     pub name: String,
-    /// Interface nodes, by index in [`Machine::nodes`].
+    /// Interface nodes, by index in [`Structure::nodes`].
     pub nodes: Vec<usize>,
     /// Mass matrix, 6k+m square, in kg with these units.
     pub mass: DMatrix<f64>,
@@ -340,7 +340,7 @@ pub struct Damping {
 /// One deformation of one beam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Deformation {
-    /// The beam, by its index in [`Machine::beams`].
+    /// The beam, by its index in [`Structure::beams`].
     pub beam: usize,
     /// Component of the deformation: 0 to 5 for e1 to e6.
     pub component: usize,
@@ -351,7 +351,7 @@ pub struct Deformation {
 pub struct Direction {
     /// Name of the sensor, input or output.
     pub name: String,
-    /// The node, by its index in [`Machine::nodes`].
+    /// The node, by its index in [`Structure::nodes`].
     pub node: usize,
     /// Unit vector of the positive direction.
     pub direction: Vector3<f64>,

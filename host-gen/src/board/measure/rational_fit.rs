@@ -38,7 +38,7 @@ pub struct RationalFit {
     /// What was measured: a row for each of them, a column for each entry of G22, column by column.
     pub responses: DMatrix<Complex<f64>>,
     /// The inverse of the standard deviation of each entry of `responses`, but at most
-    /// 1/[`EXACT`] of its kind's size.
+    /// a thousand over its kind's size.
     pub weights: DMatrix<f64>,
     /// Resonances that the measurement shows beyond doubt, ascending.
     pub resonances: Vec<Resonance>,
