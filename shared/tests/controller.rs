@@ -621,6 +621,21 @@ fn a_test_signal_does_not_make_sensors_implausible() {
     assert!(matches!(fault, Some(Cause::Implausible(_))), "{fault:?}");
 }
 
+/// Begins a session with a board, which then answers one request after the other.
+fn session(bench: &mut Bench<'_>) -> impl FnMut(&mut Bench<'_>, Request) -> Reply + use<> {
+    let (mut cutter, mut server) = (Cutter::new(), Server::new());
+    let hello = frame(0, 1, Request::Hello(5));
+    let session = answer(&hello, &mut cutter, &mut server, &mut bench.controller)[0].session;
+    let mut sequence = 1;
+    move |bench, body| {
+        sequence += 1;
+        let bytes = frame(session, sequence, body);
+        answer(&bytes, &mut cutter, &mut server, &mut bench.controller)
+            .remove(0)
+            .body
+    }
+}
+
 /// None is quiet beside the others.
 const LEG_SIZES: [f32; LEGS] = [1.0, -1.0, 0.5, 1.0, -1.5, -2.0];
 
@@ -635,17 +650,7 @@ fn a_multisine_is_measured_over_the_link() {
     };
     bench.controller = Controller::new(plain(), plain().checksum(), memory);
     bench.reach_idle();
-    let (mut cutter, mut server) = (Cutter::new(), Server::new());
-    let hello = frame(0, 1, Request::Hello(5));
-    let session = answer(&hello, &mut cutter, &mut server, &mut bench.controller)[0].session;
-    let mut sequence = 1;
-    let mut say = |bench: &mut Bench<'_>, body| {
-        sequence += 1;
-        let bytes = frame(session, sequence, body);
-        answer(&bytes, &mut cutter, &mut server, &mut bench.controller)
-            .remove(0)
-            .body
-    };
+    let mut say = session(&mut bench);
     let lines: heapless::Vec<Line, LINES> = (0..LINES as u32)
         .map(|k| Line {
             turns: 2 + 3 * k,
@@ -777,17 +782,7 @@ fn a_table_comes_over_the_link() {
 
     let mut bench = Bench::new(&mut []);
     bench.reach_closed();
-    let (mut cutter, mut server) = (Cutter::new(), Server::new());
-    let hello = frame(0, 1, Request::Hello(5));
-    let session = answer(&hello, &mut cutter, &mut server, &mut bench.controller)[0].session;
-    let mut sequence = 1;
-    let mut say = |bench: &mut Bench<'_>, body| {
-        sequence += 1;
-        let frame = frame(session, sequence, body);
-        answer(&frame, &mut cutter, &mut server, &mut bench.controller)
-            .remove(0)
-            .body
-    };
+    let mut say = session(&mut bench);
     let refused = |why| Reply::Refused(Refusal::Table(why));
     for (at, piece) in (0..).step_by(256).zip(bytes.chunks(256)) {
         let piece = Request::Piece(at, piece.iter().copied().collect());
