@@ -7,6 +7,7 @@ use host_gen::board::link::LinkError;
 use host_gen::board::measure::FrfError;
 use host_gen::design::{DesignError, StudyError};
 use host_gen::floor::SpectrumError;
+use host_gen::identify::FitError;
 use host_gen::machine::MachineError;
 use host_gen::report::plots::PlotError;
 use host_gen::simulate::OtherBoard;
@@ -44,6 +45,23 @@ pub enum Failure {
         "{}: the file has no floor.spectrum; give it, or one of --criterion, --white, --spectrum and --record", .0.display()
     )]
     NoFloor(std::path::PathBuf),
+    #[error("{path}: {error}")]
+    Fit { path: String, error: FitError },
+    #[error("{path}: not a measurement of host-gen link frf --format json: {error}")]
+    Measurement {
+        path: String,
+        error: serde_json::Error,
+    },
+    #[error(
+        "{0} is not written: the model does not explain the measurement, so the numbers are not those of the machine"
+    )]
+    Unexplained(String),
+    #[error("{step}: not passed; see above, and record.html")]
+    Gate { step: String },
+    #[error("{why}; and the legs could not be brought to rest: {error}")]
+    NotAtRest { why: String, error: LinkError },
+    #[error("nothing was moved")]
+    Declined,
     #[error("--truth {path}: {error}")]
     Truth { path: String, error: OtherBoard },
     #[error(transparent)]

@@ -22,8 +22,10 @@ use host_gen::machine::schema::schema;
 
 use arguments::{Common, Format};
 use command::campaign::CampaignArguments;
+use command::commission::CommissionArguments;
 use command::compare::CompareArguments;
 use command::design::DesignArguments;
+use command::fit::FitArguments;
 use command::floor::FloorArguments;
 use command::link::LinkArguments;
 use command::new::NewArguments;
@@ -157,6 +159,15 @@ enum Command {
     ///
     /// Example: host-gen sil models/metrology-frame.toml --listen 127.0.0.1:7700
     Sil(SilArguments),
+    /// Fit a machine file to responses that were measured on the machine, and write the fitted file.
+    ///
+    /// Example: host-gen fit models/yours.toml measured.json
+    Fit(FitArguments),
+    /// Take a machine into service: measure it, fit the file, design the controller, send it, close
+    /// the loop step by step, and compare each step with the design.
+    ///
+    /// Example: host-gen commission models/yours.toml --at /dev/ttyACM0
+    Commission(CommissionArguments),
     /// Talk to a board: status, self-test, start, stop, test signals, recordings,
     /// measurements.
     ///
@@ -217,6 +228,8 @@ fn run(command: &Command, searcher: &Searcher) -> Result<(), Failure> {
         Command::Simulate(arguments) => command::simulate::simulate(arguments, searcher),
         Command::Campaign(arguments) => command::campaign::campaign(arguments, searcher),
         Command::Sil(arguments) => command::sil::sil(arguments, searcher),
+        Command::Fit(arguments) => command::fit::fit(arguments),
+        Command::Commission(arguments) => command::commission::commission(arguments, searcher),
         Command::Link(arguments) => command::link::link(arguments, searcher),
     }
 }

@@ -18,11 +18,18 @@ impl Bar {
         Self(ProgressBar::new(steps as u64))
     }
 
+    /// A spinner for the fit of a machine, whose number of steps is not known in advance.
+    pub fn fit() -> Self {
+        Self::spinner("{spinner} fitting the machine, {pos} steps, {elapsed}")
+    }
+
     /// A spinner for a search, whose number of trials is not known in advance.
     pub fn search() -> Self {
-        let style = ProgressStyle::with_template(
-            "{spinner} searching for the controller, {pos} trials, {elapsed}",
-        );
+        Self::spinner("{spinner} searching for the controller, {pos} trials, {elapsed}")
+    }
+
+    fn spinner(template: &str) -> Self {
+        let style = ProgressStyle::with_template(template);
         let bar = ProgressBar::new_spinner();
         Self(bar.with_style(style.expect("the template is valid")))
     }

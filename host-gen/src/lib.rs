@@ -17,6 +17,8 @@
 //! | [`analysis`] | what do machine and controller do? |
 //! | [`simulate`] | what happens in time? |
 //! | [`board`] | what does the real board do? |
+//! | [`identify`] | which machine is it? |
+//! | [`commission`] | may it move, and does it do what was designed? |
 //! | [`report`] | how are results shown? |
 //!
 //! Equation numbers are those of J. van Dijk, "Mechatronic Design of
@@ -41,5 +43,7 @@ pub mod design;
 pub mod analysis;
 pub mod simulate;
 pub mod board;
+pub mod identify;
+pub mod commission;
 
 pub mod report;

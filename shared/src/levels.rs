@@ -183,6 +183,11 @@ fn count(table: &Table) -> u32 {
     count.clamp(least, most)
 }
 
+/// Length of a window of samples, s.
+pub fn seconds(table: &Table) -> f32 {
+    count(table) as f32 * ROUND as f32 / table.sample_rate
+}
+
 impl Meter {
     /// Before the first sample.
     pub const NEW: Self = Self {

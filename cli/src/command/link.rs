@@ -684,8 +684,7 @@ fn measured(
     let rate = table.get().sample_rate.into();
     let seconds = settings.duration(rate)?;
     let mut client = connect()?;
-    let passes = if settings.coarse { 1 } else { 2 };
-    let bar = Bar::of(passes * LEGS * settings.averages as usize);
+    let bar = Bar::of(settings.windows());
     let wait = format!("measuring leg by leg: {seconds:.0} s of signals, and the time of the link");
     let work = |client: &mut Client| measure(client, &study, &table, &settings, &bar);
     let measurement = undone(&mut client, &wait, work, end_injection);

@@ -2,8 +2,10 @@
 
 pub mod bound;
 pub mod campaign;
+pub mod commission;
 pub mod compare;
 pub mod design;
+pub mod fit;
 pub mod floor;
 pub mod link;
 pub mod model;

@@ -200,11 +200,14 @@ fn units(machine: &Machine) -> Vec<String> {
             "gravity is {gravity:.3e} m/s², not that of a planet: is it in m/s²?"
         ));
     }
-    if machine.damping.modal > DAMPED {
-        warnings.push(format!(
-            "damping.modal is {}, more than any structure has: is it in percent?",
-            machine.damping.modal
-        ));
+    let damping = &machine.damping;
+    let ratios = [("modal", damping.modal)].into_iter();
+    for (key, ratio) in ratios.chain(damping.modes.iter().map(|ratio| ("modes", *ratio))) {
+        if ratio > DAMPED {
+            warnings.push(format!(
+                "damping.{key} is {ratio}, more than any structure has: is it in percent?"
+            ));
+        }
     }
     let board = &machine.board;
     let range = file.board.adc.range;

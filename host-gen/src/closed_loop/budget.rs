@@ -17,7 +17,7 @@ use crate::floor::Floor;
 use crate::floor::criterion::{Criterion, third_centres, third_edges};
 use crate::machine::Board;
 use crate::numeric::NumericError;
-use crate::numeric::exposure::Measure;
+use crate::numeric::exposure::{Measure, about_mean};
 use crate::numeric::frequencies::grid;
 use crate::numeric::power_law::steeper;
 use crate::numeric::quadrature::{nodes, singular_hertz};
@@ -231,6 +231,12 @@ impl NoiseBudget {
     /// (m/s²)² or m².
     pub fn measured(&self, spectrum: &[Powers], measure: Measure) -> Powers {
         self.weighted(spectrum, self.band, |hz| measure.weight(hz))
+    }
+
+    /// Power of `spectrum` in the band about the mean over each `time`, s, by source. Exact if the
+    /// budget has this exposure time.
+    pub fn about_mean(&self, spectrum: &[Powers], time: f64) -> Powers {
+        self.weighted(spectrum, self.band, |hz| about_mean(hz, time))
     }
 
     /// Power of `spectrum` times `factor` between two frequencies, Hz, between which and others no

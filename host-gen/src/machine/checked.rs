@@ -17,7 +17,7 @@ use super::file::{
 };
 use super::noise::NoiseDensity;
 use super::source::Source;
-use crate::floor::Floor;
+use crate::floor::{Floor, Spectrum};
 use crate::numeric::exposure::Measure;
 
 /// What vibrates: bodies, beams and springs on the base, as checked, with or without control. SI
@@ -84,6 +84,8 @@ pub struct Machine {
     pub simulation: Simulation,
     /// Settings of the Monte Carlo run.
     pub robustness: Robustness,
+    /// How far the machine may be from the numbers of its file.
+    pub uncertainty: Uncertainty,
     /// Sources of the numbers.
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description without comments and layout: everything that decides the
@@ -329,10 +331,12 @@ pub struct PointMass {
 }
 
 /// Damping that does not belong to single beams.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Damping {
-    /// Damping ratio of every mode (no unit).
+    /// Damping ratio of every mode that is not in `modes` (no unit).
     pub modal: f64,
+    /// Damping ratios of the first modes, in ascending order of their frequency (no unit).
+    pub modes: Vec<f64>,
     /// Rayleigh damping D = α·M + β·K: α, 1/s, and β, s.
     pub rayleigh: [f64; 2],
 }
@@ -462,6 +466,31 @@ pub struct ChannelGains {
     pub actuators: [f64; LEGS],
 }
 
+/// Standard deviations of the numbers of a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// Of the mass of each rigid body and point mass, relative (no unit).
+    pub mass: f64,
+    /// Of each second moment ∫x² dm of a rigid body along a principal axis, apart from that of its
+    /// mass, relative (no unit).
+    pub inertia: f64,
+    /// Of each coordinate of the centre of gravity of a rigid body, m.
+    pub cog: f64,
+    /// Of the stiffness of each beam and spring, and of those of bending and torsion of each beam
+    /// apart from that, relative (no unit).
+    pub stiffness: f64,
+    /// Of the modal damping of each mode, and of all other damping together, relative (no unit).
+    pub damping: f64,
+    /// Of the gain of each sensor, relative (no unit).
+    pub sensor_gain: f64,
+    /// Of the direction of each accelerometer about both axes across it, rad.
+    pub misalignment: f64,
+    /// Of the gain of each actuator, relative (no unit).
+    pub actuator_gain: f64,
+    /// Of the delay of amplifiers and sensors beside what the file gives, s.
+    pub delay: f64,
+}
+
 /// How machines are perturbed for the Monte Carlo run; all distributions are uniform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robustness {
@@ -535,7 +564,50 @@ impl Sensor {
     }
 }
 
+/// Whether any of these has damping of its own.
+pub(super) fn has_damped_parts(
+    beams: &[Beam],
+    springs: &[Spring],
+    flexible: &[FlexibleBody],
+) -> bool {
+    let of_beam = |beam: &Beam| beam.loss_factor != 0.0 || beam.damper != 0.0;
+    let of_spring = |spring: &Spring| spring.loss_factor != 0.0 || spring.damper.amax() != 0.0;
+    let of_body = |body: &FlexibleBody| body.loss_factor != 0.0 || body.modal_damping != 0.0;
+    beams.iter().any(of_beam) || springs.iter().any(of_spring) || flexible.iter().any(of_body)
+}
+
 impl Structure {
+    /// Whether anything damps but modal damping.
+    pub(crate) fn has_other_damping(&self) -> bool {
+        self.damping.rayleigh != [0.0; 2]
+            || has_damped_parts(&self.beams, &self.springs, &self.flexible)
+    }
+
+    /// Multiplies all damping by `factor`: modal and Rayleigh damping, loss factors, dampers.
+    pub(crate) fn scale_damping(&mut self, factor: f64) {
+        let Damping {
+            modal,
+            modes,
+            rayleigh,
+        } = &mut self.damping;
+        *modal *= factor;
+        for x in modes.iter_mut().chain(rayleigh) {
+            *x *= factor;
+        }
+        for body in &mut self.flexible {
+            body.loss_factor *= factor;
+            body.modal_damping *= factor;
+        }
+        for beam in &mut self.beams {
+            beam.loss_factor *= factor;
+            beam.damper *= factor;
+        }
+        for spring in &mut self.springs {
+            spring.loss_factor *= factor;
+            spring.damper *= factor;
+        }
+    }
+
     /// `error` with its place in this machine's file.
     pub(crate) fn locate(&self, error: EntryError) -> MachineError {
         self.source.locate(error)
@@ -626,6 +698,7 @@ impl Machine {
             gain_errors,
             supervision: _,
             shapes: _,
+            uncertainty: _,
             provenance: _,
             digest: _,
             description: _,
@@ -677,18 +750,7 @@ impl Machine {
             stiffness.torsion *= factor;
             stiffness.bending = stiffness.bending.map(|x| x * factor);
         }
-        let more = 1.0 + settings.damping * uniform();
-        machine.damping.modal *= more;
-        machine.damping.rayleigh = machine.damping.rayleigh.map(|x| x * more);
-        for beam in &mut machine.beams {
-            beam.damper *= more;
-        }
-        for spring in &mut machine.springs {
-            spring.damper *= more;
-        }
-        for body in &mut machine.flexible {
-            body.modal_damping *= more;
-        }
+        machine.scale_damping(1.0 + settings.damping * uniform());
         for sensor in machine.accelerometers.iter_mut().flatten() {
             // About an axis across it, evenly drawn around.
             let turn = Vector3::from_fn(|_, _| uniform()).cross(&sensor.direction);
@@ -748,6 +810,18 @@ impl Machine {
         } = self.simulation;
         let white = || Floor::White(floor_rms / (high - low).sqrt());
         self.spectrum.clone().unwrap_or_else(white)
+    }
+
+    /// The same, without motion outside the band of `simulation` where the file has no spectrum.
+    pub(crate) fn floor_in_band(&self) -> Floor {
+        let floor = self.floor_motion();
+        match &floor {
+            Floor::White(density) => {
+                let edges = self.simulation.floor_band.map(|hz| [hz, *density]);
+                Spectrum::new(&edges).map_or(floor, Floor::Table)
+            }
+            _ => floor,
+        }
     }
 
     /// What the search for a controller minimises the rms of; none if it minimises peaks.

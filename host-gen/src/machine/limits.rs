@@ -305,6 +305,13 @@ const ALL: &[Limits] = &[
         "at 1 a mode does not vibrate",
     ),
     limits(
+        "damping.modes",
+        0.0,
+        1.0,
+        "",
+        "at 1 a mode does not vibrate",
+    ),
+    limits(
         "damping.rayleigh",
         0.0,
         1e6,
@@ -572,6 +579,27 @@ const ALL: &[Limits] = &[
         "more takes days and shows nothing new",
     ),
     limits("robustness.seed", 0.0, f64::MAX, "", "any"),
+    limits("uncertainty.mass", 0.0, 1.0, "", "a fraction"),
+    limits("uncertainty.inertia", 0.0, 1.0, "", "a fraction"),
+    limits(
+        "uncertainty.cog",
+        0.0,
+        1e4,
+        "m",
+        "more than any machine is wide",
+    ),
+    limits("uncertainty.stiffness", 0.0, 1.0, "", "a fraction"),
+    limits("uncertainty.damping", 0.0, 1.0, "", "a fraction"),
+    limits("uncertainty.sensor_gain", 0.0, 1.0, "", "a fraction"),
+    limits(
+        "uncertainty.misalignment",
+        0.0,
+        45.0,
+        "°",
+        "a sensor that is turned more measures another direction",
+    ),
+    limits("uncertainty.actuator_gain", 0.0, 1.0, "", "a fraction"),
+    limits("uncertainty.delay", 0.0, 10.0, "s", RATE_WHY),
 ];
 
 /// Checks every number of `file`. Numbers that are not finite are left to the validation of

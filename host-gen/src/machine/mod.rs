@@ -47,7 +47,7 @@ use std::path::Path;
 pub use checked::{
     Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
     FlexibleBody, LowerCorner, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring,
-    Stiffness, Structure, Target,
+    Stiffness, Structure, Target, Uncertainty,
 };
 pub(crate) use error::EntryError;
 pub use error::MachineError;

@@ -174,7 +174,7 @@ fn frame() -> MachineFile {
         },
         damping: DampingEntry {
             modal: Some(0.005),
-            rayleigh: None,
+            ..DampingEntry::default()
         },
         control: ControlEntry {
             feedback: FeedbackKind::Acceleration,
@@ -212,6 +212,7 @@ fn frame() -> MachineFile {
         supervision: SupervisionSettings::default(),
         simulation: Simulation::default(),
         robustness: RobustnessEntry::default(),
+        uncertainty: UncertaintyEntry::default(),
         provenance: Vec::new(),
     }
 }

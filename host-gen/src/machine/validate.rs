@@ -13,13 +13,14 @@ use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
     Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
     FlexibleBody, GainErrors, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring,
-    Stiffness, Structure, Target,
+    Stiffness, Structure, Target, Uncertainty, has_damped_parts,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind, ForceSensorEntry,
     GainsEntry, Inertia, Joint, JointEntry, LawName, MachineFile, Minimise, ProfileEntry,
     RobustnessEntry, RollOff, Rotation, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
+    UncertaintyEntry,
 };
 use super::flexible::flexible_body;
 use super::limits::{self, Limits};
@@ -252,6 +253,7 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     supervision(&file.supervision, board.sample_rate)?;
     simulation(&file.simulation, board.sample_rate)?;
     let robustness = robustness(&file.robustness, bodies, &names, &actuators)?;
+    let uncertainty = uncertainty(&file.uncertainty)?;
 
     if !file.provenance.is_empty() {
         // Numbers were checked, so this does not fail.
@@ -286,6 +288,7 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         supervision: file.supervision,
         simulation: file.simulation,
         robustness,
+        uncertainty,
         gain_errors: GainErrors::default(),
         provenance: file.provenance.clone(),
         description: file,
@@ -808,23 +811,21 @@ fn damping(
     springs: &[Spring],
     flexible: &[FlexibleBody],
 ) -> Checked<Damping> {
-    let elsewhere = spec.rayleigh.is_some()
-        || springs
-            .iter()
-            .any(|spring| spring.loss_factor != 0.0 || spring.damper.amax() != 0.0)
-        || beams
-            .iter()
-            .any(|beam| beam.loss_factor != 0.0 || beam.damper != 0.0)
-        || flexible
-            .iter()
-            .any(|body| body.loss_factor != 0.0 || body.modal_damping != 0.0);
+    let elsewhere = spec.rayleigh.is_some() || has_damped_parts(beams, springs, flexible);
     let modal = spec.modal.unwrap_or(if elsewhere { 0.0 } else { 0.005 });
     fraction("damping.modal", modal)?;
+    for (i, ratio) in spec.modes.iter().enumerate() {
+        fraction(&format!("damping.modes[{i}]"), *ratio)?;
+    }
     let rayleigh = spec.rayleigh.unwrap_or_default();
     for (x, unit) in rayleigh.into_iter().zip(["1/s", "s"]) {
         not_negative("damping.rayleigh", x, unit)?;
     }
-    Ok(Damping { modal, rayleigh })
+    Ok(Damping {
+        modal,
+        modes: spec.modes.clone(),
+        rayleigh,
+    })
 }
 
 fn force_sensors(
@@ -1051,6 +1052,25 @@ fn gains(spec: &GainsEntry, feedback: FeedbackKind) -> Checked<ChannelGains> {
             FeedbackKind::Force => [force_sensors, accelerometers],
         },
         actuators: six("actuators", spec.actuators)?,
+    })
+}
+
+fn uncertainty(spec: &UncertaintyEntry) -> Checked<Uncertainty> {
+    let part = |key: &str, value: f64| {
+        let entry = format!("uncertainty.{key}");
+        let value = fraction(&entry, value)?;
+        positive(&entry, value, "")
+    };
+    Ok(Uncertainty {
+        mass: part("mass", spec.mass)?,
+        inertia: part("inertia", spec.inertia)?,
+        cog: positive("uncertainty.cog", spec.cog, "m")?,
+        stiffness: part("stiffness", spec.stiffness)?,
+        damping: part("damping", spec.damping)?,
+        sensor_gain: part("sensor_gain", spec.sensor_gain)?,
+        misalignment: positive("uncertainty.misalignment", spec.misalignment, "°")?.to_radians(),
+        actuator_gain: part("actuator_gain", spec.actuator_gain)?,
+        delay: positive("uncertainty.delay", spec.delay, "s")?,
     })
 }
 

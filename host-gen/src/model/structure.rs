@@ -266,7 +266,7 @@ impl StructureModel {
             statics: Statics::default(),
             dampers,
             losses,
-            damping: machine.damping,
+            damping: machine.damping.clone(),
             ride,
             footing,
             centre,
@@ -530,8 +530,10 @@ impl StructureModel {
     pub fn modes(&self) -> Modes {
         let (squares, shapes) = self.eigen.clone();
         let [alpha, beta] = self.damping.rayleigh;
-        let mut damping = DMatrix::from_diagonal(&squares.map(|square| {
-            2.0 * self.damping.modal * square.abs().sqrt() + alpha + beta * square.abs()
+        let mut damping = DMatrix::from_diagonal(&DVector::from_fn(squares.len(), |i, _| {
+            let ratio = *self.damping.modes.get(i).unwrap_or(&self.damping.modal);
+            let square = squares[i].abs();
+            2.0 * ratio * square.sqrt() + alpha + beta * square
         }));
         // Without dampers the product would add rounding errors off the diagonal.
         if self.dampers.amax() > 0.0 {

@@ -200,6 +200,32 @@ impl Rational {
         hz.iter().enumerate().map(square).sum()
     }
 
+    /// The same if each pole with a damping ratio below `most` had one that is larger by `added`, and
+    /// its own frequency. Response j is one of s^`powers`[j]/(s² + 2ζω·s + ω²), so residues change.
+    pub fn damped(&self, added: f64, most: f64, powers: impl Fn(usize) -> i32) -> Self {
+        let mut moved = self.clone();
+        let mut at = 0;
+        for pole in &mut moved.poles {
+            if pole.im == 0.0 {
+                at += 1;
+                continue;
+            }
+            let own = *pole;
+            let ratio = -own.re / own.norm();
+            if ratio < most {
+                let ratio = ratio + added;
+                *pole = Complex::new(-ratio, (1.0 - ratio * ratio).sqrt()) * own.norm();
+                for (j, mut column) in moved.coefficients.column_iter_mut().enumerate() {
+                    let residue = Complex::new(column[at], column[at + 1]);
+                    let residue = residue * (*pole / own).powi(powers(j)) * (own.im / pole.im);
+                    (column[at], column[at + 1]) = (residue.re, residue.im);
+                }
+            }
+            at += 2;
+        }
+        moved
+    }
+
     /// All responses at `hz`, Hz.
     pub fn at(&self, hz: f64) -> DVector<Complex<f64>> {
         let mut parts = fractions(&self.poles, hz);
@@ -249,13 +275,14 @@ mod tests {
         let hz: Vec<f64> = (0..20)
             .map(|k| 2.0 * 100f64.powf(f64::from(k) / 19.0))
             .collect();
-        let response = |sizes: [f64; 3], constant: f64, hz: f64| {
+        let damped = |sizes: [f64; 3], constant: f64, hz: f64, more: f64| {
             let parts = resonances.iter().zip(sizes).map(|((own, damping), size)| {
                 let x = hz / own;
-                Complex::from(size * x * x) / Complex::new(1.0 - x * x, 2.0 * damping * x)
+                Complex::from(size * x * x) / Complex::new(1.0 - x * x, 2.0 * (damping + more) * x)
             });
             parts.sum::<Complex<f64>>() + constant
         };
+        let response = |sizes, constant, hz| damped(sizes, constant, hz, 0.0);
         let both = [([1.0, -0.5, 2.0], 0.3), ([0.2, 1.5, -0.1], 0.0)];
         let at = |k: usize, j: usize| response(both[j].0, both[j].1, hz[k]);
         let responses = DMatrix::from_fn(hz.len(), 2, at);
@@ -287,6 +314,10 @@ mod tests {
             let hz = 3.0 * 60f64.powf(f64::from(k) / 199.0);
             let error =
                 found.at(hz) - DVector::from_fn(2, |j, _| response(both[j].0, both[j].1, hz));
+            assert!(error.norm() < 1e-5 * found.at(hz).norm(), "{hz}");
+            // And with more damping.
+            let more = found.damped(0.1, 0.5, |_| 2).at(hz);
+            let error = more - DVector::from_fn(2, |j, _| damped(both[j].0, both[j].1, hz, 0.1));
             assert!(error.norm() < 1e-5 * found.at(hz).norm(), "{hz}");
         }
     }

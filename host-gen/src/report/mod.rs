@@ -25,6 +25,7 @@ use scene::Scene;
 pub mod campaign;
 pub mod chart;
 mod charts;
+pub mod commission;
 pub mod page;
 pub mod plots;
 pub mod scene;

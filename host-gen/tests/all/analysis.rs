@@ -239,6 +239,13 @@ fn damping_by_formula() {
     for (omega, zeta) in damping(&[("damping.rayleigh", "[2.0, 1e-4]")]) {
         assert!((zeta - (1.0 / omega + 0.5e-4 * omega)).abs() < 1e-9);
     }
+    // Those of single modes, and of the rest.
+    let own = [0.01, 0.02, 0.03];
+    let mut poles = damping(&[("damping.modes", "[0.01, 0.02, 0.03]")]);
+    poles.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (k, (_, zeta)) in poles.into_iter().enumerate() {
+        assert!((zeta - own.get(k).unwrap_or(&0.005)).abs() < 1e-9, "{k}");
+    }
     for (_, zeta) in damping(&[
         ("profiles.leg.loss_factor", "0.04"),
         ("profiles.block.loss_factor", "0.04"),

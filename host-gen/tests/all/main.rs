@@ -9,6 +9,7 @@ mod channel_gains;
 mod common;
 mod edits;
 mod flexible_bodies;
+mod identification;
 mod kept_searches;
 mod link_without_answer;
 mod measuring_amplitude;

@@ -8,9 +8,11 @@ use shared::multisine::LineParts;
 use shared::supervisor::Mode;
 use shared::table::ValidTable;
 
-use super::lines::calibration;
-use super::{AFTER, FrfError, MeasurementSettings, Pass};
+use super::lines::{Response, calibration};
+use super::{AFTER, FrfError, MeasuredLine, MeasurementSettings, Pass, RationalFit, evaluate};
 use crate::board::link::Client;
+use crate::control::LinearLaw;
+use crate::design::Study;
 use crate::progress::Progress;
 
 /// One experiment: the multisine in one leg.
@@ -22,7 +24,10 @@ pub struct Experiment {
 
 /// What the experiments of a measurement have in common.
 pub struct Course<'a> {
+    pub study: &'a Study,
     pub table: &'a ValidTable,
+    /// The law of the closed loop; none with the loop open.
+    pub law: Option<&'a LinearLaw>,
     pub settings: MeasurementSettings,
     /// The mode in which the board stays during the measurement.
     pub mode: Mode,
@@ -30,12 +35,28 @@ pub struct Course<'a> {
 }
 
 impl Course<'_> {
-    /// The experiments of a pass, one for each leg.
-    pub fn experiments(
+    /// Measures the lines of a pass, with amplitudes for the plant of `fit`, or that of the model.
+    pub fn pass(
         &self,
         client: &mut Client,
-        pass: &Pass,
-    ) -> Result<Vec<Experiment>, FrfError> {
+        mut pass: Pass,
+        fit: Option<&RationalFit>,
+    ) -> Result<Vec<MeasuredLine>, FrfError> {
+        let hertz = pass.hertz();
+        let responses = match fit {
+            Some(fit) => Response::of_fit(self.study, self.table, self.law, &hertz, fit),
+            None => Response::of_model(self.study, self.table, self.law, &hertz),
+        };
+        pass.set_amplitudes(self.study, self.table, &responses, self.settings.amplitude);
+        let experiments = self.experiments(client, &pass)?;
+        let lines = 0..hertz.len();
+        let lines =
+            lines.filter_map(|line| evaluate(self.study, self.law, &pass, &experiments, line));
+        Ok(lines.collect())
+    }
+
+    /// The experiments of a pass, one for each leg.
+    fn experiments(&self, client: &mut Client, pass: &Pass) -> Result<Vec<Experiment>, FrfError> {
         // Before anything moves.
         let samples = self.settings.samples(pass)?;
         client.command(pass.lines())?;

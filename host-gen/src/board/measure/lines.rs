@@ -229,20 +229,20 @@ impl Pass {
         most: Option<f64>,
     ) {
         let t = table.get();
-        let costs: Vec<_> = responses
+        // What an amplitude of 1 N takes of the force limit, the same for each line, and of the range.
+        let of_limit = 1.0 / force_limit(t);
+        let of_range: Vec<_> = responses
             .iter()
-            .map(|response| [1.0 / force_limit(t), response.of_range(t)])
+            .map(|response| response.of_range(t))
             .collect();
         let squares: Vec<_> = responses
             .iter()
             .map(|response| response.noise(study).powi(2))
             .collect();
         let weighted = |force: f64| -> Vec<f64> {
-            let parts = costs.iter().zip(&squares);
+            let parts = of_range.iter().zip(&squares);
             parts
-                .map(|([limit, range], square)| {
-                    (square / (force * limit + (1.0 - force) * range)).cbrt()
-                })
+                .map(|(range, square)| (square / (force * of_limit + (1.0 - force) * range)).cbrt())
                 .collect()
         };
         // The more forces weigh, the less of them is used.
@@ -250,13 +250,9 @@ impl Pass {
         while high - low > 1e-9 * low {
             let middle = (low * high).sqrt();
             let used = weighted(middle);
-            let sum = |which: usize| -> f64 {
-                used.iter()
-                    .zip(&costs)
-                    .map(|(size, cost)| size * cost[which])
-                    .sum()
-            };
-            if sum(0) > sum(1) {
+            let limit = of_limit * used.iter().sum::<f64>();
+            let range: f64 = used.iter().zip(&of_range).map(|(x, range)| x * range).sum();
+            if limit > range {
                 low = middle;
             } else {
                 high = middle;

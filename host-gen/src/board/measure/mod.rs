@@ -31,7 +31,7 @@ use experiment::{Course, Experiment};
 use lines::{force_limit, sensitivity};
 
 pub use lines::{Pass, Response};
-pub use rational_fit::{RationalFit, Resonance};
+pub use rational_fit::{RationalFit, Resonance, turn};
 
 /// Settings of a measurement.
 #[derive(Clone, Copy, Debug)]
@@ -121,6 +121,18 @@ impl MeasuredLine {
     /// Whether it is so exact that it says something about poles.
     pub fn is_clear(&self) -> bool {
         self.noise() < NOISY
+    }
+
+    /// Frobenius norm of measured minus another G22, relative to the measured one; the larger value
+    /// of the two kinds of sensors.
+    pub fn distance(&self, other: &Gain) -> f64 {
+        let plant = self.gain();
+        let rows = (0..plant.nrows()).step_by(LEGS);
+        rows.map(|row| {
+            let [measured, other] = [&plant, other].map(|gain| gain.rows(row, LEGS));
+            (measured - other).norm() / measured.norm()
+        })
+        .fold(0.0, f64::max)
     }
 }
 
@@ -237,41 +249,21 @@ pub fn measure(
         ));
     }
     let rate = f64::from(table.get().sample_rate);
-    let (law, most) = (law.as_ref(), settings.amplitude);
     let course = Course {
+        study,
         table,
+        law: law.as_ref(),
         settings: *settings,
         mode: report.mode,
         progress,
     };
     let delay = study.machine().board.whole_delay();
-    let mut measured = Vec::new();
-    let mut pass = Pass::first(rate, settings.band)?;
-    let responses = Response::of_model(study, table, law, &pass.hertz());
-    pass.set_amplitudes(study, table, &responses, most);
-    evaluate_pass(
-        study,
-        law,
-        &pass,
-        &course.experiments(client, &pass)?,
-        &mut measured,
-    );
+    let mut measured = course.pass(client, Pass::first(rate, settings.band)?, None)?;
     if !settings.coarse {
         let fit = RationalFit::new(&measured, delay);
         let resonances = fit.as_ref().map_or(&[][..], |fit| &fit.resonances);
-        let mut pass = Pass::second(rate, settings.band, resonances)?;
-        let responses = match &fit {
-            Some(fit) => Response::of_fit(study, table, law, &pass.hertz(), fit),
-            None => Response::of_model(study, table, law, &pass.hertz()),
-        };
-        pass.set_amplitudes(study, table, &responses, most);
-        evaluate_pass(
-            study,
-            law,
-            &pass,
-            &course.experiments(client, &pass)?,
-            &mut measured,
-        );
+        let pass = Pass::second(rate, settings.band, resonances)?;
+        measured.extend(course.pass(client, pass, fit.as_ref())?);
         measured.sort_by(|a, b| a.hz.total_cmp(&b.hz));
     }
     Ok(Measurement {
@@ -315,6 +307,12 @@ impl MeasurementSettings {
         Ok(())
     }
 
+    /// Number of windows that are averaged in all.
+    pub fn windows(&self) -> usize {
+        let passes = if self.coarse { 1 } else { 2 };
+        passes * LEGS * self.averages as usize
+    }
+
     /// Length of all test signals on a board with this sample `rate`, Hz: s.
     ///
     /// # Errors
@@ -350,18 +348,6 @@ impl MeasurementSettings {
 /// Samples after a window until the board has added up all of it.
 const AFTER: u32 = 2 * BLOCK;
 
-/// Adds the lines of a pass.
-fn evaluate_pass(
-    study: &Study,
-    law: Option<&LinearLaw>,
-    pass: &Pass,
-    experiments: &[Experiment],
-    measured: &mut Vec<MeasuredLine>,
-) {
-    let lines = 0..pass.turns.len();
-    measured.extend(lines.filter_map(|line| evaluate(study, law, pass, experiments, line)));
-}
-
 fn evaluate(
     study: &Study,
     law: Option<&LinearLaw>,
@@ -396,14 +382,15 @@ fn evaluate(
         square / (averages * (averages - 1)) as f64
     });
     let by_noise = scatter * inverse.map(|x| x.norm_sqr());
-    let mut error = 0.0_f64;
-    let mut expected = 0.0_f64;
-    for first in (0..sensors).step_by(LEGS) {
-        let whole: f64 = model.rows(first, LEGS).map(|x| x.norm_sqr()).sum();
-        let off = (plant.rows(first, LEGS) - model.rows(first, LEGS)).map(|x| x.norm_sqr());
-        error = error.max((off.sum() / whole).sqrt());
-        expected = expected.max((by_noise.rows(first, LEGS).sum() / whole).sqrt());
-    }
+    // The larger value of the two kinds of sensors.
+    let worst = |error: &dyn Fn(usize) -> f64| {
+        let kinds = (0..sensors).step_by(LEGS);
+        let kinds = kinds.map(|first| error(first) / model.rows(first, LEGS).norm());
+        kinds.fold(0.0, f64::max)
+    };
+    let off = &plant - &model;
+    let error = worst(&|first| off.rows(first, LEGS).norm());
+    let expected = worst(&|first| by_noise.rows(first, LEGS).sum().sqrt());
     let sensitivity = law.map(|law| {
         let measured = u / pass.injected(line);
         [measured, sensitivity(law, z, &model)].map(|s| s.singular_values().max())

@@ -96,15 +96,56 @@ impl RationalFit {
         })
     }
 
+    /// The responses of the function if every resonance had a damping that is larger by `added`, in
+    /// the form of `responses`. `forces` is the row of G22 from which on its sensors are of forces,
+    /// and not of accelerations.
+    pub fn damped(&self, added: f64, forces: usize) -> DMatrix<Complex<f64>> {
+        let rows = self.responses.ncols() / LEGS;
+        // Accelerations are s² times the displacements that forces follow.
+        let power = |j: usize| if j % rows < forces { 2 } else { 0 };
+        let damped = self.rational.damped(added, RESONANT, power);
+        let rows = self.hertz.iter().map(|hz| damped.at(*hz).transpose());
+        let undelayed = DMatrix::from_rows(&rows.collect::<Vec<_>>());
+        delayed(undelayed, &self.hertz, self.delay)
+    }
+
     /// G22 of the function at `hz`, Hz.
     pub fn at(&self, hz: f64) -> Gain {
         let entries = self.rational.at(hz) * turn(hz, self.delay);
         Gain::from_column_slice(entries.as_slice())
     }
+
+    /// Weights for `responses` in the form of those measured, each with an error of this part of its
+    /// kind of sensors. Where all are small, far below the resonances, the function is a small
+    /// difference of large parts: there it is that part of the middle size.
+    pub fn relative_weights(&self, responses: &DMatrix<Complex<f64>>, error: f64) -> DMatrix<f64> {
+        let rows = responses.ncols() / LEGS;
+        let mut sizes = DMatrix::zeros(responses.nrows(), responses.ncols());
+        for first in (0..rows).step_by(LEGS) {
+            let own = |j: &usize| (first..first + LEGS).contains(&(j % rows));
+            let columns: Vec<_> = (0..responses.ncols()).filter(own).collect();
+            let mut all: Vec<_> = responses
+                .row_iter()
+                .map(|row| {
+                    let square: f64 = columns.iter().map(|j| row[*j].norm_sqr()).sum();
+                    square.sqrt() / LEGS as f64
+                })
+                .collect();
+            let each = all.clone();
+            all.sort_by(f64::total_cmp);
+            let middle = all[all.len() / 2];
+            for (k, size) in each.into_iter().enumerate() {
+                for j in &columns {
+                    sizes[(k, *j)] = size.max(middle);
+                }
+            }
+        }
+        sizes.map(|size| 1.0 / (error * size))
+    }
 }
 
 /// e^(−jωτ) at `hz`, Hz: the factor of a `delay` τ, s.
-fn turn(hz: f64, delay: f64) -> Complex<f64> {
+pub fn turn(hz: f64, delay: f64) -> Complex<f64> {
     Complex::cis(-core::f64::consts::TAU * hz * delay)
 }
 

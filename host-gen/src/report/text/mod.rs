@@ -3,11 +3,13 @@
 
 mod aligned;
 mod bound;
+mod commission;
 mod compare;
 mod controller;
 mod faults;
 mod floors;
 mod gains;
+mod identification;
 mod loops;
 mod modes;
 mod plant_matrices;

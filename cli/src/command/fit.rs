@@ -1,0 +1,84 @@
+//! `host-gen fit`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use host_gen::board::measure::Measurement;
+use host_gen::identify;
+use host_gen::machine::Machine;
+
+use crate::arguments::Format;
+use crate::failure::Failure;
+use crate::files::write_whole;
+use crate::print;
+use crate::search::Bar;
+
+#[derive(Args)]
+pub struct FitArguments {
+    /// Machine file that is to be fitted.
+    model: PathBuf,
+    /// What `host-gen link frf --format json` printed.
+    measured: PathBuf,
+    /// File to write [default: MODEL-fitted.toml beside the model]. It must be in the same folder
+    /// as the model.
+    #[arg(long)]
+    output: Option<PathBuf>,
+    /// Output format: text, or JSON as in docs/json.md.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+pub fn fit(arguments: &FitArguments) -> Result<(), Failure> {
+    let machine = Machine::load(&arguments.model)?;
+    let measurement = read(&arguments.measured)?;
+    let folder = arguments.model.parent().unwrap_or(Path::new(""));
+    let name = fitted_name(&machine);
+    let output = match &arguments.output {
+        Some(path) => path.clone(),
+        None => folder.join(format!("{name}.toml")),
+    };
+    let beside = |path: &Path| std::path::absolute(path).ok()?.parent().map(Path::to_owned);
+    let model = arguments.model.file_name().unwrap_or_default();
+    if beside(&output) != beside(&arguments.model) || output.file_name() == Some(model) {
+        return Err(Failure::Setting {
+            option: "--output",
+            must: format!(
+                "be another file in the folder of {}",
+                arguments.model.display()
+            ),
+        });
+    }
+    let bar = Bar::fit();
+    let found = identify::fit(&machine, &measurement, &bar);
+    drop(bar);
+    let found = found.map_err(|error| Failure::Fit {
+        path: arguments.measured.display().to_string(),
+        error,
+    })?;
+    print::result(arguments.format, &found)?;
+    if !found.explained {
+        return Err(Failure::Unexplained(output.display().to_string()));
+    }
+    let from = format!("fitted by host-gen to {}", arguments.measured.display());
+    let text = identify::fitted_file(&machine, &found, &model.to_string_lossy(), &name, &from);
+    write_whole(&output, text.as_bytes())
+}
+
+/// The name of the fitted machine, and of its file.
+pub fn fitted_name(machine: &Machine) -> String {
+    format!("{}-fitted", machine.name)
+}
+
+/// Reads a measurement.
+pub fn read(path: &Path) -> Result<Measurement, Failure> {
+    let shown = || path.display().to_string();
+    let bytes = std::fs::read(path).map_err(|error| Failure::Io {
+        path: shown(),
+        what: "read",
+        error,
+    })?;
+    serde_json::from_slice(&bytes).map_err(|error| Failure::Measurement {
+        path: shown(),
+        error,
+    })
+}

@@ -1,0 +1,169 @@
+//! The criteria of the steps.
+
+use serde::Serialize;
+
+use super::{Acceptance, ClosedLoop};
+use crate::board::measure::{MeasuredLine, Measurement};
+use crate::design::Design;
+use crate::identify::Identification;
+
+/// A step and whether it was passed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Gate {
+    /// What was done.
+    pub step: String,
+    /// What must hold.
+    pub criterion: String,
+    /// What was found.
+    pub found: String,
+    /// Whether it holds.
+    pub passed: bool,
+}
+
+/// Lines that must be measured well: fewer say little about some eighty quantities.
+const LINES: usize = 30;
+
+/// Part of a line's sensitivity that is compared: where it is lower, floor and noise are most of what
+/// was measured.
+const HIGH: f64 = 0.7;
+
+/// Largest difference of a measured sensitivity from that of the design.
+const OFF: f64 = 0.25;
+
+/// Largest ratio of a measured to a designed leg force: the floor is never that of the file.
+const LOUD: f64 = 2.0;
+
+impl Gate {
+    /// A step that was passed because it came to its end.
+    pub fn done(step: &str, criterion: &str, found: impl Into<String>) -> Self {
+        Self {
+            step: step.to_owned(),
+            criterion: criterion.to_owned(),
+            found: found.into(),
+            passed: true,
+        }
+    }
+
+    /// A step that failed with an error.
+    pub fn failed(step: &str, criterion: &str, error: impl Into<String>) -> Self {
+        Self {
+            passed: false,
+            ..Self::done(step, criterion, error)
+        }
+    }
+
+    /// Whether the machine is measured well enough to be fitted.
+    pub fn measured(measurement: &Measurement) -> Self {
+        let clear = measurement.lines.iter().filter(|line| line.is_clear());
+        let clear: Vec<&MeasuredLine> = clear.collect();
+        let mut errors: Vec<_> = clear.iter().map(|line| line.noise()).collect();
+        errors.sort_by(f64::total_cmp);
+        let middle = errors.get(errors.len() / 2).copied().unwrap_or(1.0);
+        Self {
+            step: "plant measured".to_owned(),
+            criterion: format!("at least {LINES} lines to better than 30 %"),
+            found: format!(
+                "{} of {} lines, half of them to {:.1} %; {} resonances",
+                clear.len(),
+                measurement.lines.len(),
+                100.0 * middle,
+                measurement.resonances.len()
+            ),
+            passed: clear.len() >= LINES,
+        }
+    }
+
+    /// Whether the fitted model explains what was measured.
+    pub fn fitted(fit: &Identification) -> Self {
+        let strange: Vec<_> = fit
+            .strange
+            .iter()
+            .map(|resonance| format!("{:.2} Hz", resonance.hz))
+            .collect();
+        let more = if strange.is_empty() {
+            String::new()
+        } else {
+            format!("; the file has no mode at {}", strange.join(", "))
+        };
+        Self {
+            step: "model fitted".to_owned(),
+            criterion: "it explains the measurement, and every resonance is one of its modes"
+                .to_owned(),
+            found: format!(
+                "the errors that are left are {:.2} times those of the noise{more}",
+                fit.relative_misfit
+            ),
+            passed: fit.explained && strange.is_empty(),
+        }
+    }
+
+    /// A controller that was found and verified.
+    pub fn designed(design: &Design) -> Self {
+        Self::done(
+            "controller designed",
+            "stable and within all limits of the file, on the fitted machine",
+            format!(
+                "peak sensitivity {:.2}, isolates from {:.2} Hz",
+                design.peak_sensitivity.bounded(),
+                design.isolation_from_hz
+            ),
+        )
+    }
+
+    /// Whether the closed loop is that of the design.
+    pub fn closed(closed: &ClosedLoop) -> Self {
+        let high = closed.lines.iter().filter(|line| line.designed > HIGH);
+        let off = |line: &super::SensitivityLine| (line.measured / line.designed - 1.0).abs();
+        let worst = high.max_by(|a, b| off(a).total_cmp(&off(b)));
+        let highest = |of: fn(&super::SensitivityLine) -> f64| {
+            closed.lines.iter().map(of).fold(0.0, f64::max)
+        };
+        let (measured, designed) = (highest(|line| line.measured), highest(|line| line.designed));
+        let mut found = format!("highest {measured:.2}, by design {designed:.2}");
+        if let Some(line) = worst {
+            found += &format!(
+                "; most off by {:.0} % at {:.1} Hz",
+                100.0 * off(line),
+                line.hz
+            );
+        }
+        Self {
+            step: format!("loop closed at {:.0} % of the gain", 100.0 * closed.gain),
+            criterion: format!(
+                "no fault; the sensitivity at the legs within {:.0} % of the design where that is above {HIGH}",
+                100.0 * OFF
+            ),
+            found,
+            passed: worst.is_some_and(|line| off(line) < OFF),
+        }
+    }
+
+    /// Whether the machine on its floor does what the design says.
+    pub fn accepted(acceptance: &Acceptance) -> Self {
+        let ratio = |leg: &super::LegForce| leg.measured / leg.designed;
+        let worst = acceptance
+            .legs
+            .iter()
+            .max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+        let quieter: Vec<_> = acceptance
+            .sensors
+            .iter()
+            .filter_map(|sensor| Some(sensor.open? - sensor.closed?))
+            .collect();
+        let least = quieter.iter().copied().fold(f64::INFINITY, f64::min);
+        let found = worst.map_or_else(String::new, |leg| {
+            format!(
+                "{}: {:.3} N rms, by design {:.3} N; sensors quieter by at least {least:.1} dB",
+                leg.name, leg.measured, leg.designed
+            )
+        });
+        Self {
+            step: "accepted".to_owned(),
+            criterion: format!(
+                "leg forces at most {LOUD} times those of the design on the file's floor"
+            ),
+            found,
+            passed: worst.is_some_and(|leg| ratio(leg) <= LOUD),
+        }
+    }
+}
