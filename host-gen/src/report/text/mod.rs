@@ -3,6 +3,7 @@
 
 mod aligned;
 mod bound;
+mod changes;
 mod compare;
 mod controller;
 mod faults;
