@@ -3,6 +3,7 @@
 
 mod baseline;
 mod boards;
+mod dist;
 mod made;
 mod size;
 mod steps;
@@ -131,6 +132,9 @@ enum Task {
         #[command(flatten)]
         machine: Machine,
     },
+    /// The program for those without a compiler: a wheel for pip and a tarball for Linux, in
+    /// target/packages, each tried where there is no cargo.
+    Dist(Setup),
     /// Flash and memory that the reference board's image takes, against the baseline in
     /// firmware/size.txt.
     Size {
@@ -216,8 +220,9 @@ fn main() -> ExitCode {
             scenes,
             full,
         } => Tools::find(!setup.no_install).and_then(|tools| {
-            virtual_board::build_program(!setup.no_install)?;
+            // First, so that a machine of another board is refused at once.
             let image = machine.reference(&tools)?;
+            virtual_board::build_program(!setup.no_install)?;
             if scenes {
                 run(&mut virtual_board::scenes(&image, full)?)
             } else {
@@ -243,6 +248,7 @@ fn main() -> ExitCode {
         Task::Flash { setup, machine } => {
             Tools::find(!setup.no_install).and_then(|tools| flash(&tools, &machine))
         }
+        Task::Dist(setup) => dist::dist(!setup.no_install),
         Task::Size { setup, update } => {
             Tools::find(!setup.no_install).and_then(|tools| size::size(&tools, update))
         }
@@ -261,6 +267,7 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
     let tools = Tools::find(!setup.no_install)?;
     tools::chromium(!setup.no_install)?;
     tools::emulator(!setup.no_install)?;
+    tools::maturin(!setup.no_install)?;
     let mut times = Times::default();
     let (reference, image) = boards::building_reference(&tools);
     let boards = building_emulated(&tools)?
@@ -286,6 +293,12 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
         host.push(Step::new("pairs of faults", [pairs]));
     }
     host.push(Step::new("bad frames", [frames]));
+    let mut packages = own()?;
+    packages.arg("dist");
+    if setup.no_install {
+        packages.arg("--no-install");
+    }
+    host.push(Step::new("packages", [packages]));
     // The session on the host alone first: one that cannot pass is known in a second.
     let alone = sessions(samples, full, None)?;
     let boards = sessions(samples, full, Some(&tools))?;
@@ -382,10 +395,15 @@ fn book(setup: &Setup) -> Outcome<()> {
     run(&mut docs_command(Some("target/book"))?)
 }
 
-fn docs_command(book: Option<&str>) -> Outcome<Command> {
+/// This program.
+fn own() -> Outcome<Command> {
     let own = env::current_exe().map_err(|error| format!("this program is gone: {error}"))?;
+    Ok(Command::new(own))
+}
+
+fn docs_command(book: Option<&str>) -> Outcome<Command> {
     let mut command = built("docs");
-    command.arg("--xtask").arg(own);
+    command.arg("--xtask").arg(own()?.get_program());
     if let Some(book) = book {
         command.args(["--book", book]);
     }
@@ -497,6 +515,11 @@ fn build(tools: &Tools, machine: &Machine) -> Outcome<()> {
 
 fn flash(tools: &Tools, machine: &Machine) -> Outcome<()> {
     let image = machine.reference(tools)?;
+    if machine.model.is_some() {
+        println!(
+            "a table that was sent to the board goes before this one: host-gen link --at PORT table --forget"
+        );
+    }
     let mut command = Command::new("probe-rs");
     command.args(["run", "--chip", CHIP]).arg(image);
     run(&mut command)

@@ -156,7 +156,7 @@ fn digits(value: Option<f64>) -> String {
     let size = value.abs();
     if value == 0.0 {
         "0".to_owned()
-    } else if (1e-3..1e6).contains(&size) {
+    } else if (1e-3..1e4).contains(&size) {
         let decimals = (3.0 - size.log10().floor()).max(0.0) as usize;
         format!("{value:.decimals$}")
     } else {

@@ -207,7 +207,7 @@ fn admits(study: &Study, board: &str, model: &Path) -> Outcome<bool> {
         format!("{board}, which has 16-bit converters")
     };
     Err(format!(
-        "{}: {error}. The machine, with {} Hz, the latch {:.1} µs after the sample and {} feedback, is \
+        "{}: {error}. The machine, with {} Hz, the latch {:.1} µs after the sample and control.feedback = \"{}\", is \
          made for another board than {board}. Base the file on models/nucleo-h743.toml, or change \
          [board] and control.feedback",
         model.display(),
