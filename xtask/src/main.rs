@@ -273,10 +273,17 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
     let boards = building_emulated(&tools)?
         .into_iter()
         .chain([reference, virtual_board::building()]);
+    let mut packages = own()?;
+    packages.arg("dist");
+    if setup.no_install {
+        packages.arg("--no-install");
+    }
     times.run([
         vec![
             Step::new("build", [building()]),
             Step::new("code's documentation", [documenting()]),
+            // While nothing runs the program: cargo puts it in its place anew.
+            Step::new("packages", [packages]),
         ],
         vec![Step::new("build for boards", boards)],
     ])?;
@@ -293,12 +300,6 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
         host.push(Step::new("pairs of faults", [pairs]));
     }
     host.push(Step::new("bad frames", [frames]));
-    let mut packages = own()?;
-    packages.arg("dist");
-    if setup.no_install {
-        packages.arg("--no-install");
-    }
-    host.push(Step::new("packages", [packages]));
     // The session on the host alone first: one that cannot pass is known in a second.
     let alone = sessions(samples, full, None)?;
     let boards = sessions(samples, full, Some(&tools))?;
