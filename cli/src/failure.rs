@@ -88,6 +88,13 @@ pub enum Failure {
     },
     #[error("--leg-angle must be at most 89: vertical legs do not hold the machine sideways")]
     Upright,
+    #[error(
+        "{path}: not the figures of a table of this version: {error}. Remove the file: the next table counts as the first one"
+    )]
+    Figures {
+        path: String,
+        error: serde_json::Error,
+    },
     #[error("{0} already exists: use --output or another name")]
     Exists(String),
     #[error("--to must be finite and above --from")]

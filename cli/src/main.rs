@@ -35,7 +35,7 @@ use command::robust::RobustArguments;
 use command::sigma::SigmaArguments;
 use command::sil::SilArguments;
 use command::simulate::SimulateArguments;
-use command::table::TableArguments;
+use command::table::{GenerateArguments, TableArguments};
 use command::watch::WatchArguments;
 use failure::Failure;
 use search::Searcher;
@@ -127,7 +127,7 @@ enum Command {
     /// modes, gains and simulation.
     ///
     /// Example: host-gen generate models/metrology-frame.toml
-    Generate(TableArguments),
+    Generate(GenerateArguments),
     /// Write a page for a design review: the machine and its modes in 3D, charts,
     /// budgets, gains, assumptions. With several machines, also a comparison.
     ///

@@ -3,6 +3,8 @@
 
 mod baseline;
 mod boards;
+mod dist;
+mod made;
 mod size;
 mod steps;
 mod tools;
@@ -16,7 +18,8 @@ use std::thread::{self, ScopedJoinHandle};
 use clap::{Args, Parser, Subcommand};
 
 use baseline::Baseline;
-use boards::{BOARDS, CHIP};
+use boards::{BOARDS, CHIP, EmulatedBoard};
+use made::Made;
 use steps::{Step, Times};
 use tools::Tools;
 
@@ -59,9 +62,8 @@ enum Task {
     Emulate {
         #[command(flatten)]
         setup: Setup,
-        /// A machine with a table in the firmware.
-        #[arg(default_value = MODEL)]
-        model: String,
+        #[command(flatten)]
+        machine: Machine,
         /// Machine file of the simulated plant, if it is not that machine.
         #[arg(long, value_name = "MODEL")]
         truth: Option<String>,
@@ -74,9 +76,8 @@ enum Task {
     Virtual {
         #[command(flatten)]
         setup: Setup,
-        /// The machine of the image's table.
-        #[arg(default_value = virtual_board::MODEL)]
-        model: String,
+        #[command(flatten)]
+        machine: Machine,
         /// Machine file of the simulated plant, if it is not that machine.
         #[arg(long, value_name = "MODEL")]
         truth: Option<String>,
@@ -84,7 +85,7 @@ enum Task {
         #[arg(long, default_value = "127.0.0.1:7700")]
         listen: String,
         /// Instead, the scenes: the image with something that goes wrong.
-        #[arg(long)]
+        #[arg(long, conflicts_with = "model")]
         scenes: bool,
         /// The scenes that take minutes too.
         #[arg(long, requires = "scenes")]
@@ -116,10 +117,24 @@ enum Task {
     /// Natural frequencies against Exudyn, a multibody program from PyPI, for
     /// whoever has a Python with it.
     Exudyn,
-    /// Finds, or installs, what the boards need, and builds their firmware.
-    Build(Setup),
+    /// Finds, or installs, what the boards need, and builds their firmware; with --model, the
+    /// reference board's image with the table of that machine.
+    Build {
+        #[command(flatten)]
+        setup: Setup,
+        #[command(flatten)]
+        machine: Machine,
+    },
     /// Builds the reference board's image, flashes it with probe-rs and shows its log.
-    Flash(Setup),
+    Flash {
+        #[command(flatten)]
+        setup: Setup,
+        #[command(flatten)]
+        machine: Machine,
+    },
+    /// The program for those without a compiler: a wheel for pip and a tarball for Linux, in
+    /// target/packages, each tried where there is no cargo.
+    Dist(Setup),
     /// Flash and memory that the reference board's image takes, against the baseline in
     /// firmware/size.txt.
     Size {
@@ -138,6 +153,14 @@ struct Setup {
     no_install: bool,
 }
 
+#[derive(Args)]
+struct Machine {
+    /// Machine file whose table is made and compiled in, and what changed since its table before is
+    /// printed; without it, the table that comes with the image.
+    #[arg(long, value_name = "FILE")]
+    model: Option<String>,
+}
+
 /// Ten seconds of the 20 kHz loop.
 const FULL_SAMPLES: u32 = 200_000;
 
@@ -151,12 +174,15 @@ const CACHE: &str = "target/cache";
 
 const MODEL: &str = "models/metrology-frame.toml";
 
-/// Machines with a table in the firmware, each with the image that runs it
-/// and for how much of the samples.
-const CONTROLLED: [(&str, &str, u32); 2] = [
-    (MODEL, "mps2", 1),
-    ("models/both-sensors.toml", "mps2-both", 4),
-];
+/// The machine with accelerometers and force sensors, and its table, which is compiled in as that
+/// of a user's machine is.
+const BOTH: (&str, &str) = (
+    "models/both-sensors.toml",
+    "firmware/src/tables/both_sensors.rs",
+);
+
+/// The part of the samples that it takes.
+const BOTH_PART: u32 = 4;
 
 /// What went wrong, ready to print.
 type Outcome<T> = Result<T, String>;
@@ -181,24 +207,30 @@ fn main() -> ExitCode {
             .and_then(|tools| pil(&tools, samples, full, !setup.no_install)),
         Task::Emulate {
             setup,
-            model,
+            machine,
             truth,
             listen,
         } => Tools::find(!setup.no_install)
-            .and_then(|tools| emulate(&tools, &model, truth.as_deref(), &listen)),
+            .and_then(|tools| emulate(&tools, &machine, truth.as_deref(), &listen)),
         Task::Virtual {
             setup,
-            model,
+            machine,
             truth,
             listen,
             scenes,
             full,
         } => Tools::find(!setup.no_install).and_then(|tools| {
-            let image = virtual_board::build(&tools, !setup.no_install)?;
+            // First, so that a machine of another board is refused at once.
+            let image = machine.reference(&tools)?;
+            virtual_board::build_program(!setup.no_install)?;
             if scenes {
                 run(&mut virtual_board::scenes(&image, full)?)
             } else {
-                virtual_serve(&image, &model, truth.as_deref(), &listen)
+                let model = machine.model.as_deref().unwrap_or(virtual_board::MODEL);
+                if machine.model.is_none() {
+                    run(&mut building())?;
+                }
+                virtual_serve(&image, model, truth.as_deref(), &listen)
             }
         }),
         Task::Bench { setup, update } => {
@@ -210,14 +242,13 @@ fn main() -> ExitCode {
         Task::Speed => speed(),
         Task::Bound => bound(),
         Task::Exudyn => exudyn(),
-        Task::Build(setup) => Tools::find(!setup.no_install).and_then(|tools| {
-            for board in &BOARDS {
-                boards::build(board, &tools)?;
-            }
-            println!("{}", boards::build_reference(&tools)?.display());
-            Ok(())
-        }),
-        Task::Flash(setup) => Tools::find(!setup.no_install).and_then(|tools| flash(&tools)),
+        Task::Build { setup, machine } => {
+            Tools::find(!setup.no_install).and_then(|tools| build(&tools, &machine))
+        }
+        Task::Flash { setup, machine } => {
+            Tools::find(!setup.no_install).and_then(|tools| flash(&tools, &machine))
+        }
+        Task::Dist(setup) => dist::dist(!setup.no_install),
         Task::Size { setup, update } => {
             Tools::find(!setup.no_install).and_then(|tools| size::size(&tools, update))
         }
@@ -236,16 +267,23 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
     let tools = Tools::find(!setup.no_install)?;
     tools::chromium(!setup.no_install)?;
     tools::emulator(!setup.no_install)?;
+    tools::maturin(!setup.no_install)?;
     let mut times = Times::default();
     let (reference, image) = boards::building_reference(&tools);
-    let boards = BOARDS
-        .iter()
-        .map(|board| boards::building(board, &tools).0)
+    let boards = building_emulated(&tools)?
+        .into_iter()
         .chain([reference, virtual_board::building()]);
+    let mut packages = own()?;
+    packages.arg("dist");
+    if setup.no_install {
+        packages.arg("--no-install");
+    }
     times.run([
         vec![
             Step::new("build", [building()]),
             Step::new("code's documentation", [documenting()]),
+            // While nothing runs the program: cargo puts it in its place anew.
+            Step::new("packages", [packages]),
         ],
         vec![Step::new("build for boards", boards)],
     ])?;
@@ -263,8 +301,8 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
     }
     host.push(Step::new("bad frames", [frames]));
     // The session on the host alone first: one that cannot pass is known in a second.
-    let alone = sessions(samples, full, None);
-    let boards = sessions(samples, full, Some(&tools));
+    let alone = sessions(samples, full, None)?;
+    let boards = sessions(samples, full, Some(&tools))?;
     times.run([
         vec![
             Step::new("session without boards", alone),
@@ -358,10 +396,15 @@ fn book(setup: &Setup) -> Outcome<()> {
     run(&mut docs_command(Some("target/book"))?)
 }
 
-fn docs_command(book: Option<&str>) -> Outcome<Command> {
+/// This program.
+fn own() -> Outcome<Command> {
     let own = env::current_exe().map_err(|error| format!("this program is gone: {error}"))?;
+    Ok(Command::new(own))
+}
+
+fn docs_command(book: Option<&str>) -> Outcome<Command> {
     let mut command = built("docs");
-    command.arg("--xtask").arg(own);
+    command.arg("--xtask").arg(own()?.get_program());
     if let Some(book) = book {
         command.args(["--book", book]);
     }
@@ -369,36 +412,55 @@ fn docs_command(book: Option<&str>) -> Outcome<Command> {
 }
 
 fn pil(tools: &Tools, samples: u32, full: bool, install: bool) -> Outcome<()> {
-    virtual_board::build(tools, install)?;
+    virtual_board::build_program(install)?;
+    boards::build_reference(tools)?;
     run(&mut building())?;
-    for board in &BOARDS {
-        boards::build(board, tools)?;
+    for mut command in building_emulated(tools)? {
+        run(&mut command)?;
     }
     let sessions = |tools| sessions(samples, full, tools);
-    for mut session in sessions(None).into_iter().chain(sessions(Some(tools))) {
+    for mut session in sessions(None)?.into_iter().chain(sessions(Some(tools))?) {
         run(&mut session)?;
     }
     Ok(())
 }
 
+/// The commands that build the images of the emulated boards.
+fn building_emulated(tools: &Tools) -> Outcome<Vec<Command>> {
+    let mut commands = Vec::new();
+    for board in &BOARDS {
+        commands.push(boards::building(board, tools).0);
+        commands.push(building_both(board, tools)?.0);
+    }
+    Ok(commands)
+}
+
+/// The command that builds the image with the table of [`BOTH`], and its path then.
+fn building_both(board: &EmulatedBoard, tools: &Tools) -> Outcome<(Command, PathBuf)> {
+    boards::building_with("-both", Path::new(BOTH.1), board, tools)
+}
+
 /// A session of each machine, on the host alone or, with `tools`, on its boards: both
 /// emulated ones, or the virtual one for the machine of its image.
-fn sessions(samples: u32, full: bool, tools: Option<&Tools>) -> Vec<Command> {
-    let session = |(model, image, part): (&str, &str, u32)| {
+fn sessions(samples: u32, full: bool, tools: Option<&Tools>) -> Outcome<Vec<Command>> {
+    let mut commands = Vec::new();
+    for (model, samples) in [(MODEL, samples), (BOTH.0, samples / BOTH_PART)] {
         let mut command = built("pil");
         command.args(["--model", model]);
-        command.args(["--samples", &(samples / part).to_string()]);
+        command.args(["--samples", &samples.to_string()]);
         if !full {
             command.arg("--quick");
         }
         for (board, tools) in BOARDS.iter().zip(tools.into_iter().cycle()) {
-            let (_, folder) = boards::building(board, tools);
-            let image = folder.join(image);
+            let image = if model == MODEL {
+                boards::building(board, tools).1.join(boards::IMAGE)
+            } else {
+                building_both(board, tools)?.1
+            };
             command.arg("--board").arg(board.machine).arg(image);
         }
-        command
-    };
-    let mut commands: Vec<_> = CONTROLLED.map(session).into();
+        commands.push(command);
+    }
     let mut command = built("pil");
     command.args(["--model", virtual_board::MODEL]);
     command.args(["--samples", &samples.to_string()]);
@@ -411,7 +473,7 @@ fn sessions(samples: u32, full: bool, tools: Option<&Tools>) -> Vec<Command> {
         command.arg("--virtual-board").arg(virtual_board::program());
     }
     commands.push(command);
-    commands
+    Ok(commands)
 }
 
 /// The plant of a machine, or of another one instead, with the link of a board at `listen`.
@@ -426,32 +488,55 @@ fn listening(model: &str, truth: Option<&str>, listen: &str) -> Command {
 
 /// The plant at the virtual board's converters, its link on TCP.
 fn virtual_serve(image: &Path, model: &str, truth: Option<&str>, listen: &str) -> Outcome<()> {
-    run(&mut building())?;
     let mut command = listening(model, truth, listen);
     command.args(["--board", virtual_board::MACHINE]).arg(image);
     command.arg("--virtual-board").arg(virtual_board::program());
     run(&mut command)
 }
 
-fn flash(tools: &Tools) -> Outcome<()> {
-    let image = boards::build_reference(tools)?;
+impl Machine {
+    /// The reference board's image with its table, or with the one that comes with it.
+    fn reference(&self, tools: &Tools) -> Outcome<PathBuf> {
+        match &self.model {
+            Some(model) => Made::for_reference(model)?.reference(tools),
+            None => boards::build_reference(tools),
+        }
+    }
+}
+
+fn build(tools: &Tools, machine: &Machine) -> Outcome<()> {
+    if machine.model.is_none() {
+        for board in &BOARDS {
+            boards::build(board, tools)?;
+        }
+    }
+    println!("{}", machine.reference(tools)?.display());
+    Ok(())
+}
+
+fn flash(tools: &Tools, machine: &Machine) -> Outcome<()> {
+    let image = machine.reference(tools)?;
+    if machine.model.is_some() {
+        println!(
+            "a table that was sent to the board goes before this one: host-gen link --at PORT table --forget"
+        );
+    }
     let mut command = Command::new("probe-rs");
     command.args(["run", "--chip", CHIP]).arg(image);
     run(&mut command)
         .map_err(|problem| format!("{problem}; probe-rs: cargo install probe-rs-tools --locked"))
 }
 
-fn emulate(tools: &Tools, model: &str, truth: Option<&str>, listen: &str) -> Outcome<()> {
+fn emulate(tools: &Tools, machine: &Machine, truth: Option<&str>, listen: &str) -> Outcome<()> {
     let [_, board] = &BOARDS;
-    let Some((_, image, _)) = CONTROLLED.iter().find(|(name, ..)| *name == model) else {
-        let names = CONTROLLED.map(|(name, ..)| name).join(", ");
-        return Err(format!(
-            "{model} has no table in the firmware; {names} have"
-        ));
+    let image = match &machine.model {
+        Some(model) => Made::for_emulated(model, board)?.emulated(board, tools)?,
+        None => {
+            run(&mut building())?;
+            boards::build(board, tools)?.join(boards::IMAGE)
+        }
     };
-    let image = boards::build(board, tools)?.join(image);
-    run(&mut building())?;
-    let mut command = listening(model, truth, listen);
+    let mut command = listening(machine.model.as_deref().unwrap_or(MODEL), truth, listen);
     command.arg("--board").arg(board.machine).arg(image);
     run(&mut command)
 }
@@ -519,7 +604,7 @@ fn bench(tools: &Tools, update: bool) -> Outcome<()> {
 }
 
 /// What the counting image prints.
-fn counted(board: &boards::EmulatedBoard, image: &Path, shift: u32) -> Outcome<String> {
+fn counted(board: &EmulatedBoard, image: &Path, shift: u32) -> Outcome<String> {
     // The emulator's semihosting prints to standard error.
     let output = boards::emulator(board, image)
         .args(["-icount", &format!("shift={shift}"), "-serial", "null"])
@@ -651,14 +736,16 @@ fn cargo() -> Command {
     Command::new(env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from))
 }
 
+/// A command whose searches are kept for all.
+fn cached(command: &mut Command) -> &mut Command {
+    let folder = env::current_dir().map_or_else(|_| PathBuf::from(CACHE), |root| root.join(CACHE));
+    command.env("HOST_GEN_CACHE", folder)
+}
+
 /// Runs a command to its end.
 fn run(command: &mut Command) -> Outcome<()> {
     let program = command.get_program().to_string_lossy().into_owned();
-    let status = command
-        .env(
-            "HOST_GEN_CACHE",
-            env::current_dir().map_or_else(|_| PathBuf::from(CACHE), |root| root.join(CACHE)),
-        )
+    let status = cached(command)
         .status()
         .map_err(|error| format!("{program} cannot be started: {error}"))?;
     if status.success() {

@@ -151,6 +151,57 @@ pub fn emulator(install: bool) -> Outcome<()> {
     apt(&arguments)
 }
 
+/// A Python environment of its own in `folder`, and the folder of its programs; installs what
+/// Debian's Python lacks for it if `install`.
+pub fn venv(folder: &Path, install: bool) -> Outcome<PathBuf> {
+    const PACKAGE: &str = "python3-venv";
+    // Without this, the environment has no pip.
+    let able = output(Path::new("python3"), &["-c", "import ensurepip"]).is_some();
+    if !able && !install {
+        return Err(format!(
+            "missing: {PACKAGE} (Debian package). Install it with apt-get install --no-install-recommends {PACKAGE}, or leave out --no-install"
+        ));
+    }
+    if !able {
+        println!("installing from Debian: {PACKAGE}");
+        apt(&["update", "--quiet"])?;
+        apt(&[
+            "install",
+            "--quiet",
+            "--yes",
+            "--no-install-recommends",
+            PACKAGE,
+        ])?;
+    }
+    run(Command::new("python3")
+        .args(["-m", "venv", "--clear"])
+        .arg(folder))?;
+    Ok(folder.join("bin"))
+}
+
+/// What packs a program as a wheel: the one on the path, else that of PyPI in an environment of its
+/// own if `install`.
+pub fn maturin(install: bool) -> Outcome<PathBuf> {
+    const VERSION: &str = "maturin==1.16.0";
+    if on_path("maturin") {
+        return Ok(PathBuf::from("maturin"));
+    }
+    let folder = Path::new("target/tools/maturin");
+    let own = folder.join("bin/maturin");
+    if own.is_file() {
+        return Ok(own);
+    }
+    if !install {
+        return Err(format!(
+            "missing: maturin. Install it with pip install {VERSION}, or leave out --no-install"
+        ));
+    }
+    let programs = venv(folder, install)?;
+    println!("installing from PyPI: {VERSION}");
+    run(Command::new(programs.join("pip")).args(["install", "--quiet", VERSION]))?;
+    Ok(own)
+}
+
 /// A program that is a crate, and the version that the project is tested with.
 pub struct Crate {
     name: &'static str,

@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::tools::{self, Tools};
-use crate::{Outcome, boards, cargo, run};
+use crate::tools;
+use crate::{Outcome, cargo, run};
 
 /// What processor in the loop calls it.
 pub const MACHINE: &str = "virtual-h743";
@@ -36,11 +36,10 @@ pub fn program() -> PathBuf {
     Path::new(FOLDER).join("release/virtual-board")
 }
 
-/// Builds its program and the image.
-pub fn build(tools: &Tools, install: bool) -> Outcome<PathBuf> {
+/// Builds its program.
+pub fn build_program(install: bool) -> Outcome<()> {
     tools::emulator(install)?;
-    run(&mut building())?;
-    boards::build_reference(tools)
+    run(&mut building())
 }
 
 /// Its own tests and the scenes on an image; the `long` ones too, which take minutes.

@@ -2,11 +2,14 @@
 
 use std::fmt::Display;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use host_gen::analysis::warnings::warnings;
 use host_gen::control::emit::{difference, emit};
 use host_gen::machine::Machine;
+use host_gen::report::changes::{Changes, Figures};
 use host_gen::report::summary::GenerateSummary;
 use serde::Serialize;
 
@@ -26,15 +29,58 @@ pub struct TableArguments {
     table: Option<PathBuf>,
 }
 
-pub fn generate(arguments: &TableArguments, searcher: &Searcher) -> Result<(), Failure> {
+#[derive(Args)]
+pub struct GenerateArguments {
+    #[command(flatten)]
+    table: TableArguments,
+    /// Instead of the summary, print what changed in gains, margins and limits since the table
+    /// before, whose figures are kept in this file.
+    #[arg(long, value_name = "FILE")]
+    changes: Option<PathBuf>,
+}
+
+pub fn generate(arguments: &GenerateArguments, searcher: &Searcher) -> Result<(), Failure> {
+    let GenerateArguments {
+        table: arguments,
+        changes,
+    } = arguments;
     let model = &arguments.common.model;
     let study = study(model)?;
     let path = table_path(arguments, study.machine())?;
+    let before = changes.as_deref().map(kept).transpose()?;
     let design = searcher.design(model, &study)?;
+    if let (Some(file), Some(before)) = (changes, before) {
+        let now = Figures::new(&study, &design).map_err(in_loop(model))?;
+        let json = serde_json::to_string(&now).expect("numbers and strings serialise");
+        let changes = Changes::new(path.display().to_string(), before, now);
+        write_whole(&path, emit(study.machine(), &design.table).as_bytes())?;
+        write_whole(file, json.as_bytes())?;
+        return print::warned(arguments.common.format, &changes, &warnings(&study));
+    }
     let simulation = simulation(&study, &study.machine().simulation, &design, None);
     write_whole(&path, emit(study.machine(), &design.table).as_bytes())?;
     let report = GenerateSummary::new(&study, design, path.display().to_string(), simulation);
     print::result(arguments.common.format, &report.map_err(in_loop(model))?)
+}
+
+/// The figures of the table before; none if there was none.
+fn kept(path: &Path) -> Result<Option<Figures>, Failure> {
+    let text = match fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => {
+            return Err(Failure::Io {
+                path: path.display().to_string(),
+                what: "read",
+                error,
+            });
+        }
+    };
+    let figures = serde_json::from_str(&text);
+    figures.map(Some).map_err(|error| Failure::Figures {
+        path: path.display().to_string(),
+        error,
+    })
 }
 
 /// Result of `host-gen check`.

@@ -70,6 +70,66 @@ fn generate_check_and_generate_again() {
     assert_eq!(error.lines().count(), 1);
 }
 
+/// A table against the one before: the first, the same, one of a heavier machine. A damaged record
+/// is an error, and leaves the table as it was.
+#[test]
+fn generate_tells_what_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mass = |mass: &str| {
+        let text = edited(&[("bodies.frame.mass", mass)]);
+        fs::write(folder.path().join("quick.toml"), text).unwrap();
+    };
+    let generate = || {
+        let model = ["generate", "quick.toml", "--table", "table.rs"];
+        host_gen(
+            &[&model[..], &["--changes", "kept.json"]].concat(),
+            folder.path(),
+        )
+    };
+    let printed = || {
+        let output = generate();
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    mass("742.0");
+    let first = printed();
+    assert!(first.contains("the first one"), "{first}");
+    let again = printed();
+    assert!(again.contains(", as before\n"), "{again}");
+    mass("900.0");
+    let heavier = printed();
+    let line = heavier
+        .lines()
+        .find(|line| line.contains("suspension modes"));
+    // A heavier machine on the same legs is slower in its lowest mode.
+    let lowest: Vec<f64> = line
+        .unwrap()
+        .split(['→', ':'])
+        .skip(1)
+        .map(|modes| modes.split_whitespace().next().unwrap().parse().unwrap())
+        .collect();
+    assert!(lowest[1] < 0.99 * lowest[0], "{heavier}");
+    // Its checksum is that of the table written.
+    let table = fs::read_to_string(folder.path().join("table.rs")).unwrap();
+    let checksum = heavier.split_whitespace().nth(3).unwrap();
+    let checksum = checksum.trim_end_matches(',');
+    assert!(table.contains(&format!("0x{checksum};")), "{heavier}");
+
+    fs::write(folder.path().join("kept.json"), "{}").unwrap();
+    mass("742.0");
+    let refused = generate();
+    assert!(!refused.status.success());
+    let error = text(&refused.stderr);
+    assert!(
+        error.contains("kept.json") && error.contains("Remove the file"),
+        "{error}"
+    );
+    assert_eq!(
+        fs::read_to_string(folder.path().join("table.rs")).unwrap(),
+        table
+    );
+}
+
 #[test]
 fn check_needs_a_table() {
     let folder = tempfile::tempdir().unwrap();

@@ -39,3 +39,28 @@ pub static NUCLEO_H743: Entry = Entry {
 
 /// All tables.
 pub static ALL: [&Entry; 3] = [&METROLOGY_FRAME, &BOTH_SENSORS, &NUCLEO_H743];
+
+/// The table that a board's image runs: the one made for a machine, if the build has one in its
+/// environment variable `HARDMOUNT_TABLE`, otherwise the one that comes with the image.
+#[cfg(not(made_table))]
+#[inline(always)]
+pub const fn compiled(shipped: &'static Entry) -> &'static Entry {
+    shipped
+}
+
+/// The table that a board's image runs: the one in the environment variable `HARDMOUNT_TABLE` of
+/// this build.
+#[cfg(made_table)]
+pub const fn compiled(_shipped: &'static Entry) -> &'static Entry {
+    &MADE
+}
+
+#[cfg(made_table)]
+include!(concat!(env!("OUT_DIR"), "/made.rs"));
+
+#[cfg(made_table)]
+static MADE: Entry = Entry {
+    machine: "made",
+    table: &made::TABLE,
+    checksum: made::CHECKSUM,
+};

@@ -23,6 +23,7 @@ use chart::{Chart, laid_over};
 use scene::Scene;
 
 pub mod campaign;
+pub mod changes;
 pub mod chart;
 mod charts;
 pub mod commission;

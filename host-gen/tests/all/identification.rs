@@ -87,10 +87,7 @@ fn modes(machine: &Machine) -> Vec<f64> {
 fn a_machine_that_is_not_its_file_is_found() {
     let [mut held, mut all] = [0, 0];
     for feedback in ["\"acceleration\"", "\"force\"", "\"both\""] {
-        let text = edited(&[
-            ("control.feedback", feedback),
-            ("control.law", "\"modal\""),
-        ]);
+        let text = edited(&[("control.feedback", feedback), ("control.law", "\"modal\"")]);
         let machine = parse(&text).unwrap();
         let parameters = parameters(&machine, MODES);
         for seed in 0..2 {

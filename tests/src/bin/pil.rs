@@ -4,7 +4,8 @@
 //! move the plant.
 //!
 //! With `--listen` no session runs: the plant moves the board for ever, and the board's
-//! link is on TCP for whoever comes. Otherwise a whole session: identity,
+//! link is on TCP for whoever comes. With `--admits` nothing runs: it says whether a board can run
+//! the machine's table. Otherwise a whole session: identity,
 //! self-test, injection, recording, soft start, closed loop with shocks, a fault, safe
 //! state, snapshot, clearing, restart, another table.
 //!
@@ -29,7 +30,7 @@ use firmware::loop_task::BoardController;
 use firmware::ram_flash::RamFlash;
 use firmware::store::Store;
 use firmware::tables::{self, Entry};
-use host_gen::design::Study;
+use host_gen::design::{Cache, Search, Study};
 use host_gen::machine::Machine;
 use host_gen::simulate::{Rig, is_on_board_of};
 use shared::controller::{ControllerReport, Memory, Refusal};
@@ -58,6 +59,9 @@ struct Cli {
     /// No session: one board runs until it is stopped, its link at this address.
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<String>,
+    /// No session: whether this board can run the machine's table.
+    #[arg(long, value_name = "MACHINE", conflicts_with_all = ["board", "listen"])]
+    admits: Option<String>,
     /// Machine file of the plant, if it is not the machine of the table.
     #[arg(long, value_name = "MODEL", requires = "listen")]
     truth: Option<PathBuf>,
@@ -107,17 +111,8 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> Outcome<bool> {
     let study = Study::new(Machine::load(&cli.model)?)?;
-    let name = &study.machine().name;
-    let Some(entry) = tables::ALL.iter().find(|entry| entry.machine == name) else {
-        return Err(format!("the firmware has no table of {name}").into());
-    };
-    if cli.board.is_empty() {
-        let count = in_the_loop(&study, entry, cli, "host", None)?;
-        println!(
-            "{name} on the host alone: {} samples, {} answers, clamp active in {}; {:.0} s",
-            count.samples, count.answers, count.clamped, count.seconds
-        );
-        return Ok(true);
+    if let Some(board) = &cli.admits {
+        return admits(&study, board, &cli.model);
     }
     let boards: Vec<_> = cli.board.chunks_exact(2).collect();
     if let Some(address) = &cli.listen {
@@ -133,6 +128,18 @@ fn run(cli: &Cli) -> Outcome<bool> {
             None => study,
         };
         return serve(&plant, &cli.board(board), address);
+    }
+    let name = &study.machine().name;
+    let Some(entry) = tables::ALL.iter().find(|entry| entry.machine == name) else {
+        return Err(format!("the firmware has no table of {name}").into());
+    };
+    if boards.is_empty() {
+        let count = in_the_loop(&study, entry, cli, "host", None)?;
+        println!(
+            "{name} on the host alone: {} samples, {} answers, clamp active in {}; {:.0} s",
+            count.samples, count.answers, count.clamped, count.seconds
+        );
+        return Ok(true);
     }
     // Side by side: most of the time goes into waiting for single bytes.
     let results = thread::scope(|scope| {
@@ -168,6 +175,58 @@ fn run(cli: &Cli) -> Outcome<bool> {
     Ok(good)
 }
 
+/// Whether a board can run the table of `study`, the machine of `model`.
+///
+/// # Errors
+/// The first of the board's limits that the table exceeds, and all of them.
+fn admits(study: &Study, board: &str, model: &Path) -> Outcome<bool> {
+    let cache = Cache::from_environment();
+    let search = Search {
+        cache: cache.as_ref(),
+        ..Search::FULL
+    };
+    let limits = limits(board);
+    let design = search.design(study);
+    let table = design
+        .map_err(|error| format!("{}: {error}", model.display()))?
+        .table;
+    let Err(error) = limits.admit(&table) else {
+        return Ok(true);
+    };
+    let t = table.get();
+    let (begun, ended) = limits.written;
+    let board = if board == VIRTUAL {
+        format!(
+            "the reference board, which runs up to {} Hz, latches from {:.1} µs after a sample until {:.1} µs \
+             after the next, and has 16-bit converters and inputs for one kind of sensors",
+            limits.rate,
+            1e6 * ended,
+            1e6 * begun
+        )
+    } else {
+        format!("{board}, which has 16-bit converters")
+    };
+    Err(format!(
+        "{}: {error}. The machine, with {} Hz, the latch {:.1} µs after the sample and control.feedback = \"{}\", is \
+         made for another board than {board}. Base the file on models/nucleo-h743.toml, or change \
+         [board] and control.feedback",
+        model.display(),
+        t.sample_rate,
+        1e6 * t.latch,
+        study.machine().target.feedback.name(),
+    )
+    .into())
+}
+
+/// What tables a board can run.
+fn limits(board: &str) -> Limits {
+    if board == VIRTUAL {
+        budget::LIMITS
+    } else {
+        Limits::NONE
+    }
+}
+
 /// A board to emulate.
 struct Board<'a> {
     machine: &'a str,
@@ -188,15 +247,6 @@ impl Cli {
 }
 
 impl Board<'_> {
-    /// What tables it can run.
-    fn limits(&self) -> Limits {
-        if self.machine == VIRTUAL {
-            budget::LIMITS
-        } else {
-            Limits::NONE
-        }
-    }
-
     /// Records that its recorder has room for.
     fn room(&self) -> usize {
         if self.machine == VIRTUAL {
@@ -279,7 +329,9 @@ fn in_the_loop(
         records: vec![Record::NONE; room].leak(),
         lines: vec![Slot::EMPTY; LINES].leak(),
     };
-    let limits = board.as_ref().map_or(Limits::NONE, Board::limits);
+    let limits = board
+        .as_ref()
+        .map_or(Limits::NONE, |board| limits(board.machine));
     let host: &'static BoardController = Box::leak(Box::new(BoardController::new()));
     let store = Store::new(RamFlash::new(), 0..RamFlash::SIZE as u32);
     let mut session = Session {

@@ -1,5 +1,5 @@
-//! The controller of the metrology frame on the emulated MPS2 board (AN386 or
-//! AN500).
+//! The controller of the metrology frame, or of the machine whose table the build
+//! names, on the emulated MPS2 board (AN386 or AN500).
 #![no_std]
 #![no_main]
 
@@ -11,5 +11,5 @@ use firmware::tables;
 
 #[entry]
 fn main() -> ! {
-    board::run(&tables::METROLOGY_FRAME)
+    board::run(tables::compiled(&tables::METROLOGY_FRAME))
 }

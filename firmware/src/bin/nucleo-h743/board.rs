@@ -72,7 +72,7 @@ pub fn run() -> ! {
     }
 
     let store = Store::new(Sectors::new(), 0..flash::SIZE);
-    let entry = &tables::NUCLEO_H743;
+    let entry = tables::compiled(&tables::NUCLEO_H743);
     let mut link = LinkTask::begin(&BOARD, entry, budget::LIMITS, store, memory());
 
     RCC.apb2enr().modify(|w| {

@@ -4,6 +4,7 @@
 mod aligned;
 mod bound;
 mod commission;
+mod changes;
 mod compare;
 mod controller;
 mod faults;
