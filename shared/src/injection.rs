@@ -18,6 +18,10 @@ pub const LONGEST: u32 = 12_000_000;
 /// that began it may be gone.
 pub const UNASKED: f32 = 5.0;
 
+/// Samples over which a multisine fades in and out: a jump of the force would shake sensors more than
+/// all its lines do.
+pub const FADE: u32 = 1024;
+
 /// A test signal, of amplitude 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Signal {
@@ -33,7 +37,8 @@ pub enum Signal {
         /// Frequency at the end, Hz.
         to: f32,
     },
-    /// The [`Multisine`] of the board, with the amplitudes of its lines.
+    /// The [`Multisine`] of the board, with the amplitudes of its lines. It fades in and out over
+    /// [`FADE`] samples.
     Multisine,
     /// White noise, uniformly distributed from −1 to 1.
     Noise {
@@ -149,7 +154,10 @@ impl Injector {
                 self.step = self.step.wrapping_add_signed(self.slope);
                 value
             }
-            Signal::Multisine => multisine.value(self.at),
+            Signal::Multisine => {
+                let from_end = self.at.min(self.left()).min(FADE);
+                multisine.value(self.at) * (from_end as f32 / FADE as f32)
+            }
             Signal::Noise { .. } => {
                 // Marsaglia's xorshift with shifts 13, 17, 5.
                 let mut x = self.phase;

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use shared::LEGS;
 use shared::codes::{AdcCode, DacCode, Samples};
 use shared::controller::{Controller, Memory, Reading, Refusal};
-use shared::injection::{Injection, Signal};
+use shared::injection::{FADE, Injection, Signal};
 use shared::link::{Answer, Cutter, FRAME, Packet, Reply, Request, Server, VERSION, encode};
 use shared::multisine::{LINES, Line, Multisine, Slot};
 use shared::recorder::{Record, Recorded, Recording, Trigger};
@@ -660,7 +660,7 @@ fn a_multisine_is_measured_over_the_link() {
     let injection = Injection {
         signal: Signal::Multisine,
         legs: LEG_SIZES,
-        samples: 3 * 2048 + 16,
+        samples: 3 * 2048 + 16 + FADE,
     };
     let refused = |why| Reply::Refused(why);
     let set = || Request::Multisine(11, lines.clone());
@@ -672,7 +672,7 @@ fn a_multisine_is_measured_over_the_link() {
     assert_eq!(say(&mut bench, set()), Reply::Done);
     assert_eq!(say(&mut bench, Request::Inject(injection)), Reply::Done);
     assert_eq!(say(&mut bench, set()), refused(Refusal::Mode));
-    bench.run(3 * 2048 + 15);
+    bench.run(3 * 2048 + 15 + FADE as usize);
     assert_eq!(bench.controller.report().injecting, 1);
     bench.run(1);
     assert_eq!(bench.controller.report().injecting, 0);

@@ -8,9 +8,9 @@ use clap::Args;
 use dialoguer::Confirm;
 use dialoguer::theme::ColorfulTheme;
 use host_gen::board::link::{Address, Client, LinkError};
-use host_gen::board::measure::{FEWEST, Measurement, MeasurementSettings, measure};
+use host_gen::board::measure::{FEWEST, Measurement, MeasurementSettings, Pass, measure};
 use host_gen::board::words::cause;
-use host_gen::commission::{Acceptance, ClosedLoop, Commissioning, Gate};
+use host_gen::commission::{Acceptance, ClosedLoop, Commissioning, Gate, closed_at};
 use host_gen::design::Study;
 use host_gen::identify;
 use host_gen::report::commission::page;
@@ -39,7 +39,8 @@ pub struct CommissionArguments {
     /// Do not ask before the machine is moved.
     #[arg(long)]
     yes: bool,
-    /// Largest force of the test signal, N, as for `link frf` [default: from the model].
+    /// Largest force of the test signal with the loop open, N, as for `link frf` [default: from the
+    /// model].
     #[arg(long, allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Number of windows to average, at least 2.
@@ -49,6 +50,9 @@ pub struct CommissionArguments {
 
 /// Gains at which the loop is closed, one after the other, relative to that of the table.
 const GAINS: [f32; 3] = [0.01, 0.1, 1.0];
+
+/// Lowest frequency at which the closed loop is measured, Hz: below, the floor is most of what is seen.
+const CLOSED_FROM: f64 = 10.0;
 
 /// Windows of the board's levels that are compared: ten seconds.
 const WINDOWS: usize = 40;
@@ -223,10 +227,19 @@ impl Run<'_> {
         for gain in GAINS {
             self.close(gain)?;
             let settings = MeasurementSettings {
+                band: [CLOSED_FROM, Pass::reach(table.get().sample_rate.into())],
                 coarse: true,
+                // What is safe with the loop open need not be so here.
+                amplitude: None,
                 ..self.settings
             };
-            let closed = self.measure(&fitted, &table, &settings)?;
+            let closed = match self.measure(&fitted, &table, &settings) {
+                Err(Failure::Frf(error)) => {
+                    let step = closed_at(gain.into());
+                    return self.gate(Gate::failed(&step, "no fault", error.to_string()));
+                }
+                closed => closed?,
+            };
             let closed = ClosedLoop::new(gain.into(), &closed);
             let gate = Gate::closed(&closed);
             self.record.closed.push(closed);
@@ -333,10 +346,11 @@ impl Run<'_> {
         })?;
         match report.fault {
             None => Ok(()),
-            Some(fault) => {
-                let step = format!("loop closed at {:.0} % of the gain", 100.0 * gain);
-                self.gate(Gate::failed(&step, "no fault", cause(fault.cause)))
-            }
+            Some(fault) => self.gate(Gate::failed(
+                &closed_at(gain.into()),
+                "no fault",
+                cause(fault.cause),
+            )),
         }
     }
 

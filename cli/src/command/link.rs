@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use clap::{Args, Subcommand, ValueEnum};
 use host_gen::board::link::{Address, Client, LinkError};
-use host_gen::board::measure::{Measurement, MeasurementSettings, Resonance, measure};
+use host_gen::board::measure::{
+    MeasuredSensitivity, Measurement, MeasurementSettings, Resonance, measure,
+};
 use host_gen::board::words::cause;
 use serde::Serialize;
 use shared::LEGS;
@@ -233,7 +235,7 @@ struct FrfArguments {
     #[arg(long)]
     coarse: bool,
     /// Largest force of the test signal, N [default: from the model, so that the forces stay
-    /// within half their limits (a quarter with the loop closed), the sensors within a third of
+    /// within half their limits (a tenth with the loop closed), the sensors within a third of
     /// the ADC's range, and both within what the supervisor takes for a fault].
     #[arg(long, allow_negative_numbers = true)]
     amplitude: Option<f64>,
@@ -715,8 +717,11 @@ impl Display for FrfView {
                 100.0 * line.error,
                 100.0 * line.expected_error,
             )?;
-            if let Some([measured, predicted]) = line.sensitivity {
-                write!(f, "   {measured:>11.4}   {predicted:>11.4}")?;
+            if let Some(MeasuredSensitivity {
+                measured, designed, ..
+            }) = line.sensitivity
+            {
+                write!(f, "   {measured:>11.4}   {designed:>11.4}")?;
             }
             writeln!(f)?;
         }

@@ -216,7 +216,8 @@ fn signals_end_what_was_begun() {
     );
 }
 
-/// On a machine that is not its file, the true machine's modes are found, and how far it is from the file.
+/// On a machine that is not its file, the true machine's modes are found, how far it is from the file,
+/// and by a fit its own numbers.
 #[test]
 fn a_machine_that_is_not_its_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -241,7 +242,7 @@ fn a_machine_that_is_not_its_file() {
     run(&["link", "--at", &at, "self-test"]);
     let shown = model.to_str().unwrap();
     let frf = ["link", "--at", &at, "--format", "json", "frf", shown];
-    let json = run(&[&frf[..], &["--amplitude", "120"]].concat());
+    let json = run(&frf);
     let study = Study::new(Machine::load(&truth).unwrap()).unwrap();
     let modes = study.model().modes().hertz();
     let measured: Measurement = serde_json::from_slice(&json).unwrap();
@@ -274,6 +275,27 @@ fn a_machine_that_is_not_its_file() {
     }
     assert!(measured.lines.iter().any(|line| line.error > 1.0));
 
+    let measured = folder.path().join("measured.json");
+    fs::write(&measured, &json).unwrap();
+    let measured = measured.to_str().unwrap();
+    run(&["fit", shown, measured]);
+    let fitted = folder.path().join("metrology-frame-fitted.toml");
+    is_truth(&fitted, &truth);
+    // What is no measurement is refused, and a file elsewhere would not find the model.
+    let refused = |arguments: &[&str], why: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_host-gen"));
+        let output = command.arg("fit").args(arguments).output().unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && error.contains(why), "{error}");
+    };
+    refused(
+        &[shown, shown],
+        "not a measurement of host-gen link frf --format json",
+    );
+    let elsewhere = "--output must be another file in the folder of";
+    refused(&[shown, measured, "--output", "elsewhere.toml"], elsewhere);
+    refused(&[shown, measured, "--output", shown], elsewhere);
+
     // Another board is refused, with what to change.
     fs::write(
         &truth,
@@ -289,6 +311,108 @@ fn a_machine_that_is_not_its_file() {
     let error = String::from_utf8(output.stderr).unwrap();
     let why = "its board samples at 10000 Hz and the one of the model at 20000 Hz";
     assert!(!output.status.success() && error.contains(why), "{error}");
+}
+
+/// Asserts that the modes of a fitted machine are those of the true one.
+fn is_truth(fitted: &Path, truth: &Path) {
+    let [fitted, truth] = [fitted, truth].map(|path| {
+        let study = Study::new(Machine::load(path).unwrap()).unwrap();
+        study.model().modes().hertz()
+    });
+    for (hz, truth) in fitted.iter().zip(&truth) {
+        assert!((hz / truth - 1.0).abs() < 0.005, "{fitted:?} {truth:?}");
+    }
+}
+
+/// A machine that is not its file is measured, fitted, closed at rising gains and accepted; then the
+/// legs are at rest. A run that is ended leaves them at rest, too, and the next one takes up its
+/// measurement.
+#[test]
+#[cfg(unix)]
+fn a_machine_is_commissioned() {
+    let folder = tempfile::tempdir().unwrap();
+    let [model, truth, kept] =
+        ["model.toml", "truth.toml", "run"].map(|name| folder.path().join(name));
+    fs::copy(model_path(), &model).unwrap();
+    fs::write(
+        &truth,
+        "based_on = \"model.toml\"\nname = \"truth\"\n\
+         bodies.frame.mass = 650.0\nbodies.lens.cog = [0.015, 0.0, -0.11]\n\
+         bodies.lens.mass = 960.0\nprofiles.leg.axial = 9.5e6\ndamping.modal = 0.009\n\
+         board.gains.actuators = [1.05, 0.96, 1.0, 1.0, 1.07, 0.93]\n",
+    )
+    .unwrap();
+    let board = Board::with(&["--fast", "--truth", truth.to_str().unwrap()]);
+    let at = board.1.to_string();
+    let commission = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_host-gen"));
+        command.args(["commission", model.to_str().unwrap(), "--at", &at]);
+        command.args(["--folder", kept.to_str().unwrap()]);
+        command.args(more);
+        command
+    };
+    // Nobody is asked here, and nothing moves.
+    let output = commission(&[]).output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(error.contains("--yes must be given"), "{error}");
+    let mut client = Client::connect(&board.1).unwrap();
+    assert_eq!(client.report().unwrap().mode, Mode::Untested);
+    drop(client);
+
+    // Ended in the middle of a test signal.
+    let mut process = commission(&["--yes"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(process.stdout.take().unwrap()).lines();
+    let ready = said.next().unwrap().unwrap();
+    assert!(ready.starts_with("passed  board ready"), "{ready}");
+    kill(&process, "-INT");
+    let output = process.wait_with_output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(130), "{error}");
+    assert!(
+        error.contains("interrupted; the legs are at rest"),
+        "{error}"
+    );
+    let mut client = Client::connect(&board.1).unwrap();
+    let report = client.report().unwrap();
+    assert_eq!((report.mode, report.injecting), (Mode::Idle, 0));
+    drop(client);
+
+    let output = commission(&["--yes"]).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let fitted = folder.path().join("metrology-frame-fitted.toml");
+    is_truth(&fitted, &truth);
+    let json = fs::read(kept.join("record.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    let gates = record["gates"].as_array().unwrap();
+    assert!(gates.iter().all(|gate| gate["passed"] == true), "{gates:?}");
+    assert_eq!(gates.last().unwrap()["step"], "accepted");
+    assert_eq!(record["closed"].as_array().unwrap().len(), 3);
+    // The loop is that of the design, at its highest sensitivity too.
+    for line in record["closed"][2]["lines"].as_array().unwrap() {
+        let number = |key: &str| line[key].as_f64().unwrap();
+        if number("hz") > 600.0 {
+            let off = (number("measured") / number("designed") - 1.0).abs();
+            assert!(off < 0.1 + 3.0 * number("deviation"), "{line}");
+        }
+    }
+    // On the floor of the file the forces are those of the design: most of them is from a few Hz, which
+    // scatter within ten seconds, and the simulated floor has no sharp edges.
+    let legs = record["acceptance"]["legs"].as_array().unwrap();
+    let square = |key: &str| -> f64 {
+        legs.iter()
+            .map(|leg| leg[key].as_f64().unwrap().powi(2))
+            .sum()
+    };
+    let ratio = (square("measured") / square("designed")).sqrt();
+    assert!((0.75..1.3).contains(&ratio), "{ratio}");
+    let page = fs::read_to_string(kept.join("record.html")).unwrap();
+    assert_eq!(page.matches("<svg").count(), 2);
+    let mut client = Client::connect(&board.1).unwrap();
+    assert_eq!(client.report().unwrap().mode, Mode::Idle);
 }
 
 /// What is out of range is refused by its own name, before anything is asked of a board.

@@ -7,13 +7,13 @@ use shared::LEGS;
 use shared::levels::{Level, Levels, seconds};
 use shared::table::ValidTable;
 
-use crate::board::measure::{Measurement, Resonance};
+use crate::board::measure::{MeasuredSensitivity, Measurement, Resonance};
 use crate::closed_loop::budget::{LOWEST, budget};
 use crate::design::{Design, Study};
 use crate::identify::Identification;
 use crate::numeric::NumericError;
 
-pub use gates::Gate;
+pub use gates::{Gate, closed_at};
 
 /// A run, as far as it has come.
 #[derive(Clone, Debug, Serialize)]
@@ -71,21 +71,18 @@ pub struct ClosedLoop {
 pub struct SensitivityLine {
     /// Frequency, Hz.
     pub hz: f64,
-    /// σ_max of the measured sensitivity.
-    pub measured: f64,
-    /// σ_max of that of the design.
-    pub designed: f64,
+    /// What was measured and designed there.
+    #[serde(flatten)]
+    pub sensitivity: MeasuredSensitivity,
 }
 
 impl ClosedLoop {
     /// From a measurement with the loop closed.
     pub fn new(gain: f64, measurement: &Measurement) -> Self {
         let lines = measurement.lines.iter().filter_map(|line| {
-            let [measured, designed] = line.sensitivity?;
             Some(SensitivityLine {
                 hz: line.hz,
-                measured,
-                designed,
+                sensitivity: line.sensitivity?,
             })
         });
         Self {

@@ -75,6 +75,9 @@ const STRANGE: f64 = 0.02;
 /// Relative errors of a model that nobody would call wrong.
 const GOOD: f64 = 0.01;
 
+/// Relative distance within which lines show a resonance.
+const AROUND: f64 = 0.05;
+
 /// Errors so many times as large as those expected, from noise and in a good model, have another
 /// reason.
 const UNEXPLAINED: f64 = 3.0;
@@ -270,6 +273,35 @@ impl Problem<'_> {
             })
             .collect();
         Some(DMatrix::from_columns(&columns?))
+    }
+
+    /// The covariance of the gradient: of what the errors of each column of G22, with these
+    /// `covariances` by line, and the changes make of the products with the `derivatives`.
+    fn scatter(
+        &self,
+        derivatives: &DMatrix<f64>,
+        covariances: &[DMatrix<Complex<f64>>],
+    ) -> DMatrix<f64> {
+        let count = self.parameters.len();
+        let lines = self.hertz.len();
+        let mut sum = DMatrix::identity(count, count);
+        for (k, covariance) in covariances.iter().enumerate() {
+            let rows = covariance.nrows();
+            for leg in 0..LEGS {
+                let entry = |i: usize| leg * rows + i;
+                // As `errors` has them: real and imaginary part of each line, entry by entry.
+                let own = DMatrix::from_fn(rows, count, |i, p| {
+                    let at = 2 * (entry(i) * lines + k);
+                    Complex::new(derivatives[(at, p)], derivatives[(at + 1, p)])
+                });
+                let weighted = DMatrix::from_fn(rows, rows, |i, j| {
+                    let [a, b] = [i, j].map(|i| self.weights[(k, entry(i))]);
+                    covariance[(i, j)] * (a * b)
+                });
+                sum += (own.adjoint() * weighted * own).map(|x| x.re);
+            }
+        }
+        sum
     }
 
     /// The least sum of squares near `x`, by Levenberg's and Marquardt's method.
@@ -471,7 +503,7 @@ pub fn fit(
     let filed = Wiring::as_filed(measured);
     let found = search.best(&filed).map(|point| {
         let problem = search.exact(&filed);
-        identification(&problem, &point, &study, lines, &fit.resonances)
+        identification(&problem, &point, &study, lines, &fit)
     });
     let misfit = match &found {
         Some(Ok(found)) if found.explained => 0.0,
@@ -488,22 +520,24 @@ pub fn fit(
     found.unwrap_or(Err(FitError::NoModel))
 }
 
-/// What a point says, with what was measured at these `lines` and its `resonances`; `before` is the
-/// machine as filed.
+/// What a point says, with what was measured at these `lines`, and the `fit` through them; `before` is
+/// the machine as filed.
 fn identification(
     problem: &Problem,
     point: &Point,
     before: &Study,
     lines: &[MeasuredLine],
-    resonances: &[Resonance],
+    fit: &RationalFit,
 ) -> Result<Identification, FitError> {
     let parameters = problem.parameters;
     let derivatives = problem.derivatives(point).ok_or(FitError::NoModel)?;
     // The changes themselves are among the errors, so it is regular.
-    let covariance = derivatives
+    let inverse = derivatives
         .tr_mul(&derivatives)
         .try_inverse()
         .ok_or(FitError::NoModel)?;
+    // The weights take all errors as independent, and those of the sensors are not.
+    let covariance = &inverse * problem.scatter(&derivatives, &fit.covariances) * &inverse;
     let estimate = |(k, parameter): (usize, &Parameter)| {
         let deviation = covariance[(k, k)].sqrt();
         let change = parameter.deviation * point.x[k];
@@ -537,22 +571,28 @@ fn identification(
         expected: line.noise(),
     };
     let misfits: Vec<_> = lines.iter().map(misfit).collect();
-    let unexplained = |line: &Misfit| (line.error / line.expected.hypot(GOOD)).powi(2);
-    let square = misfits.iter().map(unexplained).sum::<f64>() / misfits.len() as f64;
+    // Whether errors at the lines for which `of` holds are several times those expected.
+    let unexplained = |of: &dyn Fn(&Misfit) -> bool| {
+        let own = misfits.iter().filter(|line| of(line));
+        let squares: Vec<_> = own
+            .map(|line| (line.error / line.expected.hypot(GOOD)).powi(2))
+            .collect();
+        squares.iter().sum::<f64>() > UNEXPLAINED.powi(2) * squares.len() as f64
+    };
     let modes = after.model().modes().hertz();
-    let strange = resonances.iter().filter(|resonance| {
-        modes
-            .iter()
-            .all(|hz| (resonance.hz / hz - 1.0).abs() > STRANGE)
+    // Where the model explains what was measured around it, it is a mode that noise has shifted.
+    let strange = fit.resonances.iter().filter(|resonance| {
+        let away = |hz: f64| (resonance.hz / hz - 1.0).abs();
+        modes.iter().all(|hz| away(*hz) > STRANGE) && unexplained(&|line| away(line.hz) < AROUND)
     });
     let changes = parameters.iter().zip(point.x.iter());
     Ok(Identification {
         estimates: parameters.iter().enumerate().map(estimate).collect(),
         alike: groups.into_iter().map(named).collect(),
         relative_misfit: problem.relative_misfit(point),
-        lines: misfits,
         strange: strange.copied().collect(),
-        explained: square.sqrt() < UNEXPLAINED,
+        explained: !unexplained(&|_| true),
+        lines: misfits,
         machine: fitted,
         changes: changes
             .map(|(parameter, x)| (parameter.clone(), parameter.deviation * x))

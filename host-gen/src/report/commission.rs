@@ -59,8 +59,10 @@ pub fn charts(run: &Commissioning) -> Vec<Chart> {
         let series = run.closed.iter().enumerate().flat_map(|(n, closed)| {
             let name = format!("{:.0} % of the gain", 100.0 * closed.gain);
             let lines = closed.lines.iter();
-            let designed = lines.clone().map(|line| (line.hz, line.designed));
-            let measured = lines.map(|line| (line.hz, line.measured));
+            let designed = lines
+                .clone()
+                .map(|line| (line.hz, line.sensitivity.designed));
+            let measured = lines.map(|line| (line.hz, line.sensitivity.measured));
             let colour = Colour::Nth(n);
             [
                 Series::line(format!("{name}, design"), colour, designed).styled(Style::Dashed),

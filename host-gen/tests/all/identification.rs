@@ -66,6 +66,12 @@ fn measured(truth: &Study, random: &mut ChaCha8Rng) -> Measurement {
                 .map(|i| core::array::from_fn(|j| entry(i, j)))
                 .collect(),
             deviation: (0..plant.nrows()).map(|i| [deviation(i); LEGS]).collect(),
+            covariance: (0..plant.nrows())
+                .map(|i| {
+                    let own = |j| if i == j { deviation(i).powi(2) } else { 0.0 };
+                    (0..plant.nrows()).map(|j| [own(j), 0.0]).collect()
+                })
+                .collect(),
             model: Vec::new(),
             error: 0.0,
             expected_error: 0.0,

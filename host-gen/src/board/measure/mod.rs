@@ -13,10 +13,10 @@ mod experiment;
 mod lines;
 mod rational_fit;
 
-use nalgebra::{Complex, DMatrix, Matrix6};
+use nalgebra::{Complex, DMatrix, DVector, Matrix6};
 use serde::{Deserialize, Serialize};
 use shared::LEGS;
-use shared::injection::LONGEST;
+use shared::injection::{FADE, LONGEST};
 use shared::multisine::BLOCK;
 use shared::supervisor::{Cause, Mode};
 use shared::table::ValidTable;
@@ -75,6 +75,9 @@ pub struct MeasuredLine {
     /// Standard deviation of each entry of `plant`, as the scatter of the averages gives it: the root
     /// of the mean square of its error.
     pub deviation: Vec<[f64; LEGS]>,
+    /// Covariance of the errors of a column of `plant`, the mean of all columns: sensors by sensors,
+    /// as [re, im]. What moves the whole machine, as the floor does, is in all sensors at once.
+    pub covariance: Vec<Vec<[f64; 2]>>,
     /// G22 of the model, in the form of `plant`.
     pub model: Vec<[[f64; 2]; LEGS]>,
     /// Frobenius norm of measured minus modelled G22, relative to that of the model; the
@@ -82,9 +85,20 @@ pub struct MeasuredLine {
     pub error: f64,
     /// Rms value of `error` that is expected from the scatter of the averages alone.
     pub expected_error: f64,
-    /// σ_max of the sensitivity at the legs, measured and predicted from model and table;
-    /// none with the loop open.
-    pub sensitivity: Option<[f64; 2]>,
+    /// The sensitivity at the legs; none with the loop open.
+    pub sensitivity: Option<MeasuredSensitivity>,
+}
+
+/// The sensitivity at the legs at one frequency.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+pub struct MeasuredSensitivity {
+    /// σ_max of what was measured.
+    pub measured: f64,
+    /// σ_max of what follows from model and table.
+    pub designed: f64,
+    /// Expected error of `measured`, as the scatter of the averages gives it: the root of the mean
+    /// square of the Frobenius norm of the error.
+    pub deviation: f64,
 }
 
 /// Lines with a larger expected error, relative to what was measured, say nothing about poles.
@@ -345,8 +359,9 @@ impl MeasurementSettings {
     }
 }
 
-/// Samples after a window until the board has added up all of it.
-const AFTER: u32 = 2 * BLOCK;
+/// Samples of the signal after its last window: the board adds up all of that, and the signal fades
+/// out.
+const AFTER: u32 = 2 * BLOCK + FADE;
 
 fn evaluate(
     study: &Study,
@@ -372,16 +387,23 @@ fn evaluate(
     let z = study.plant().z(hz);
     let model = study.plant().response(hz).g22();
     // The scatter of y − G·u: the error of Y·U⁻¹ where both are noisy.
-    let scatter = DMatrix::from_fn(sensors, LEGS, |i, j| {
-        let all = experiments[j].windows.iter().map(|window| &window[line]);
-        let residual = |c: &Vec<Complex<f64>>| {
-            let by_forces: Complex<f64> = (0..LEGS).map(|k| plant[(i, k)] * c[sensors + k]).sum();
-            (c[i] - by_forces).norm_sqr()
-        };
-        let square: f64 = all.map(residual).sum();
-        square / (averages * (averages - 1)) as f64
-    });
-    let by_noise = scatter * inverse.map(|x| x.norm_sqr());
+    let scatter = |experiment: &Experiment| {
+        let residuals = experiment.windows.iter().map(|window| {
+            let parts = DVector::from_column_slice(&window[line]);
+            parts.rows(0, sensors) - &plant * parts.rows(sensors, LEGS)
+        });
+        let squares = residuals.map(|residual| &residual * residual.adjoint());
+        squares.fold(DMatrix::zeros(sensors, sensors), |sum, square| sum + square)
+            / Complex::from((averages * (averages - 1)) as f64)
+    };
+    let scatters: Vec<DMatrix<_>> = experiments.iter().map(scatter).collect();
+    let forces = inverse.map(|x| x.norm_sqr());
+    let by_noise = DMatrix::from_fn(sensors, LEGS, |i, j| scatters[j][(i, i)].re) * forces;
+    let covariance = scatters
+        .iter()
+        .zip(forces.row_iter())
+        .map(|(scatter, row)| scatter * Complex::from(row.sum() / LEGS as f64));
+    let covariance = covariance.fold(DMatrix::zeros(sensors, sensors), |sum, part| sum + part);
     // The larger value of the two kinds of sensors.
     let worst = |error: &dyn Fn(usize) -> f64| {
         let kinds = (0..sensors).step_by(LEGS);
@@ -392,19 +414,35 @@ fn evaluate(
     let error = worst(&|first| off.rows(first, LEGS).norm());
     let expected = worst(&|first| by_noise.rows(first, LEGS).sum().sqrt());
     let sensitivity = law.map(|law| {
-        let measured = u / pass.injected(line);
-        [measured, sensitivity(law, z, &model)].map(|s| s.singular_values().max())
+        let injected = pass.injected(line);
+        let sigma_max = |s: Matrix6<Complex<f64>>| s.singular_values().max();
+        let squares = (0..LEGS).flat_map(|i| experiments.iter().zip(0..LEGS).map(move |e| (i, e)));
+        let square = squares.map(|(i, (experiment, j))| {
+            let all = experiment.windows.iter();
+            all.map(|window| (window[line][sensors + i] - u[(i, j)]).norm_sqr())
+                .sum::<f64>()
+        });
+        let square = square.sum::<f64>() / (averages * (averages - 1)) as f64;
+        MeasuredSensitivity {
+            measured: sigma_max(u / injected),
+            designed: sigma_max(sensitivity(law, z, &model)),
+            deviation: square.sqrt() / injected.norm(),
+        }
     });
+    let pair = |x: Complex<f64>| [x.re, x.im];
     let pairs = |m: &Gain| {
-        let row = |i: usize| core::array::from_fn(|j| [m[(i, j)].re, m[(i, j)].im]);
+        let row = |i: usize| core::array::from_fn(|j| pair(m[(i, j)]));
         (0..sensors).map(row).collect()
     };
+    let rows = covariance.row_iter();
+    let covariance = rows.map(|row| row.iter().map(|x| pair(*x)).collect());
     let deviation = (0..sensors).map(|i| core::array::from_fn(|j| by_noise[(i, j)].sqrt()));
     Some(MeasuredLine {
         hz,
         amplitude: pass.amplitudes[line],
         plant: pairs(&plant),
         deviation: deviation.collect(),
+        covariance: covariance.collect(),
         model: pairs(&model),
         error,
         expected_error: expected,

@@ -40,6 +40,9 @@ pub struct RationalFit {
     /// The inverse of the standard deviation of each entry of `responses`, but at most
     /// a thousand over its kind's size.
     pub weights: DMatrix<f64>,
+    /// The covariance of the errors of a column of G22 in a row of `responses`, with those that the
+    /// weights allow for: by line, sensors by sensors.
+    pub covariances: Vec<DMatrix<Complex<f64>>>,
     /// Resonances that the measurement shows beyond doubt, ascending.
     pub resonances: Vec<Resonance>,
     /// The function, of the responses without the delay.
@@ -66,6 +69,15 @@ impl RationalFit {
         };
         let [errors, sizes] = [0, 1].map(of_kind);
         let weights = errors.zip_map(&sizes, |error, size| 1.0 / error.hypot(EXACT * size));
+        let covariance = |(line, kinds): (&&MeasuredLine, &Vec<[f64; 2]>)| {
+            let complex = |[re, im]: [f64; 2]| Complex::new(re, im);
+            DMatrix::from_fn(rows, rows, |i, j| {
+                let exact = EXACT * kinds[i / LEGS][1] / LEGS as f64;
+                let own = if i == j { exact.powi(2) } else { 0.0 };
+                complex(line.covariance[i][j]) + own
+            })
+        };
+        let covariances = lines.iter().zip(&kinds).map(covariance).collect();
         let pairs = PAIRS.min(hertz.len().saturating_sub(2) / 2);
         let undelayed = delayed(responses.clone(), &hertz, -delay);
         let rational = Rational::fit(&hertz, &undelayed, &weights, pairs)?;
@@ -90,6 +102,7 @@ impl RationalFit {
             hertz,
             responses,
             weights,
+            covariances,
             resonances,
             rational,
             delay,
