@@ -287,7 +287,9 @@ impl Outline {
         } else {
             2.0 * highest
         };
-        let bands = [5.0 * self.frequency, between, 3.0 * last.max(between)];
+        // A target among the suspension modes, which no controller reaches, has bands, too.
+        let low = (5.0 * self.frequency).min(0.5 * between);
+        let bands = [low, between, 3.0 * last.max(between)];
         let text = self.text(bands.map(|hz| format!("{hz:.1e}").parse().unwrap_or(hz)));
         Machine::parse(path, &text)?;
         Ok(text)
@@ -615,9 +617,14 @@ entries = [{}]
                 r#"[[provenance]]
 kind = "published"
 from = {:?}
-entries = ["board.accelerometer.sensor"]
+entries = [{}]
 "#,
-                part.source
+                part.source,
+                names(
+                    part.figures
+                        .keys()
+                        .map(|key| format!("board.accelerometer.{key}"))
+                )
             )?;
         } else {
             typical.push("board.accelerometer");
