@@ -512,7 +512,7 @@ fn outline(a: &NewArguments) -> Result<Outline, Failure> {
     let kinds = [
         (FeedbackKind::Acceleration, "accelerometers on the frame"),
         (FeedbackKind::Force, "force sensors in the legs"),
-        (FeedbackKind::Both, "both"),
+        (FeedbackKind::Both, "accelerometers and force sensors"),
     ];
     let kinds = kinds.map(|(kind, what)| (kind.name(), what.to_owned(), kind));
     let feedback = ask.choice(a.feedback, "Feedback", &kinds)?;
