@@ -95,6 +95,21 @@ pub enum Failure {
         path: String,
         error: serde_json::Error,
     },
+    #[error(
+        "--payload-z must be at least {least} above or below 0: the blocks between payload and frame have this length"
+    )]
+    InPlane { least: f64 },
+    #[error("answer {line}, to \"{question}\": expected {expected}, not \"{answer}\"")]
+    Answer {
+        line: usize,
+        question: String,
+        answer: String,
+        expected: String,
+    },
+    #[error(
+        "line {line} of the answers, \"{answer}\", answers no question: there is a line for each question whose option is not given; nothing is written. Use --yes to read none"
+    )]
+    Unasked { line: usize, answer: String },
     #[error("{0} already exists: use --output or another name")]
     Exists(String),
     #[error("--to must be finite and above --from")]

@@ -202,7 +202,7 @@ fn main() -> ExitCode {
 
 fn run(command: &Command, searcher: &Searcher) -> Result<(), Failure> {
     match command {
-        Command::New(arguments) => command::new::new(arguments),
+        Command::New(arguments) => command::new::new(arguments, searcher),
         Command::Schema => print::text(&schema()),
         Command::Parts { format } => command::parts::parts(*format),
         Command::Completions { shell } => {

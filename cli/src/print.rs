@@ -42,15 +42,20 @@ pub fn warned<T: Display + Serialize>(
     match format {
         Format::Text => {
             self::result(format, result)?;
-            for warning in warnings {
-                anstream::eprintln!("{WARNING}warning:{WARNING:#} {warning}");
-            }
+            warn(warnings);
             Ok(())
         }
         Format::Json => {
             let whole = Warned { result, warnings };
             text(&json(&whole))
         }
+    }
+}
+
+/// Prints warnings on standard error.
+pub fn warn(warnings: &[String]) {
+    for warning in warnings {
+        anstream::eprintln!("{WARNING}warning:{WARNING:#} {warning}");
     }
 }
 

@@ -582,6 +582,11 @@ fn new_writes_a_machine_once() {
     let new = |arguments: &[&str]| host_gen(&[&["new"], arguments].concat(), folder.path());
     let made = new(&["scanner", "--mounts", "6", "--frame-mass", "300", "--yes"]);
     assert!(made.status.success(), "{}", text(&made.stderr));
+    let shown = text(&made.stdout);
+    let (_, rest) = shown.split_once("Suspension modes from ").expect("modes");
+    let said = rest.contains("the target of 1 Hz is reached: the loop isolates from ");
+    let unknown = "whether the target of 1 Hz is reached is not known";
+    assert!(said || text(&made.stderr).contains(unknown), "{shown}");
     let path = folder.path().join("scanner.toml");
     let first = fs::read_to_string(&path).unwrap();
     assert!(first.contains("mass = 300.0"));
@@ -606,6 +611,7 @@ fn new_writes_a_machine_once() {
             "vertical legs do not hold",
         ),
         (["Caps", "--radius", "1"], "lower-case letters"),
+        (["flat", "--payload-z", "0"], "--payload-z must be at least"),
     ] {
         let refused = new(&arguments);
         assert!(!refused.status.success());
@@ -616,6 +622,143 @@ fn new_writes_a_machine_once() {
     assert!(first.starts_with("#:schema machine.schema.json\n"));
     assert!(folder.path().join("machine.schema.json").is_file());
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+}
+
+/// `new` with these answers in a pipe.
+#[cfg(unix)]
+fn answered(options: &[&str], answers: &str) -> Output {
+    use std::io::Write as _;
+    use std::process::Stdio;
+
+    let mut child = Command::new(env!("CARGO_BIN_EXE_host-gen"))
+        .args([&["new", "--output", "/dev/stdout"], options].concat())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The program may have ended before it reads everything.
+    let _ = child.stdin.take().unwrap().write_all(answers.as_bytes());
+    child.wait_with_output().unwrap()
+}
+
+/// Answers come from a pipe, line by line; where they end, the rest is usual.
+#[cfg(unix)]
+#[test]
+fn new_reads_answers_from_a_pipe() {
+    let all =
+        "scope\n3\n0.35\n\n40\n120\n60\n0.05\n\n0.3\n\n9.5e5\nboth\n2\nnucleo-h743\nendevco-86\n";
+    let output = answered(&[], all);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let options = [
+        "scope",
+        "--mounts",
+        "3",
+        "--radius",
+        "0.35",
+        "--leg-angle",
+        "40",
+        "--frame-mass",
+        "120",
+        "--payload-mass",
+        "60",
+        "--payload-x",
+        "0.05",
+        "--payload-z",
+        "0.3",
+        "--leg-stiffness",
+        "9.5e5",
+        "--feedback",
+        "both",
+        "--frequency",
+        "2",
+        "--board",
+        "nucleo-h743",
+        "--sensor",
+        "endevco-86",
+        "--yes",
+    ];
+    let by_options = answered(&options, "");
+    assert!(by_options.status.success(), "{}", text(&by_options.stderr));
+    assert_eq!(text(&output.stdout), text(&by_options.stdout));
+    let shown = text(&output.stderr);
+    assert!(shown.contains("Mass of the frame, kg: 120\n"), "{shown}");
+
+    let usual = text(&answered(&["--yes"], "").stdout);
+    assert!(usual.contains("mass = 740.0"), "{usual}");
+    assert_eq!(text(&answered(&[], "").stdout), usual);
+    assert_eq!(text(&answered(&["--yes"], "scope\n4\n").stdout), usual);
+    // Only the name is answered, and only mounts are no question.
+    let named = text(&answered(&["--mounts", "6"], "scope\n").stdout);
+    let mounts = text(&answered(&["scope", "--yes", "--mounts", "6"], "").stdout);
+    assert_eq!(named, mounts);
+}
+
+#[cfg(unix)]
+#[test]
+fn new_refuses_wrong_answers_in_a_pipe() {
+    let many = "\n".repeat(16) + "left\n";
+    for (answers, says) in [
+        (
+            "scope\n4\n",
+            "answer 2, to \"Mounts\": expected one of 3, 6, not \"4\"",
+        ),
+        (
+            "\n\nwide\n",
+            "answer 3, to \"Radius of the circle of mounts, m\": expected a number from 0.001 to 1000, not \"wide\"",
+        ),
+        ("\n\n-1\n", "not \"-1\""),
+        (
+            &many,
+            "line 17 of the answers, \"left\", answers no question",
+        ),
+    ] {
+        let output = answered(&[], answers);
+        assert_eq!(output.status.code(), Some(1));
+        let error = text(&output.stderr);
+        assert!(error.contains(says), "{error}");
+        assert!(output.stdout.is_empty());
+    }
+    let refused = answered(&["--sensor", "adxl355"], "");
+    let error = text(&refused.stderr);
+    assert!(error.contains("endevco-86, endevco-87-10"), "{error}");
+}
+
+/// What stands in the way is said when the file is written: here a target above the suspension, which
+/// no search reaches, and a payload that reaches below the feet.
+#[test]
+fn new_says_what_is_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = [
+        "new",
+        "low",
+        "--frame-mass",
+        "50",
+        "--payload-mass",
+        "20",
+        "--payload-z=-0.2",
+        "--frequency",
+        "100",
+        "--yes",
+    ];
+    let output = host_gen(&options, folder.path());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let (out, error) = (text(&output.stdout), text(&output.stderr));
+    assert!(
+        out.starts_with("Wrote low.toml.\nSuspension modes from "),
+        "{out}"
+    );
+    assert!(!out.contains("is reached"), "{out}");
+    assert!(
+        error.contains("warning: the payload reaches 0.400 m below the mounts"),
+        "{error}"
+    );
+    // Known or, on a slow machine, not known.
+    let reason = "the target lies above the suspension modes";
+    assert!(
+        error.contains(reason) || error.contains("is reached is not known"),
+        "{error}"
+    );
 }
 
 /// The page is written whole, and beside it every chart three times.

@@ -120,7 +120,6 @@ fn flags_beyond_their_limits() {
         &["new", "machine", "--yes", "--leg-angle"],
         &["new", "machine", "--yes", "--leg-stiffness"],
         &["new", "machine", "--yes", "--frame-mass"],
-        &["new", "machine", "--yes", "--payload-below"],
         &["new", "machine", "--yes", "--internal"],
         &["new", "machine", "--yes", "--frequency"],
     ] {
@@ -143,6 +142,22 @@ fn flags_beyond_their_limits() {
         (
             &["robust", "quick.toml", "--samples", "100000000"][..],
             "--samples",
+        ),
+        (
+            &["new", "machine", "--yes", "--payload-x=nan"],
+            "--payload-x",
+        ),
+        (
+            &["new", "machine", "--yes", "--payload-y=1e300"],
+            "--payload-y",
+        ),
+        (
+            &["new", "machine", "--yes", "--payload-z=-inf"],
+            "--payload-z",
+        ),
+        (
+            &["new", "machine", "--yes", "--payload-z=1e-300"],
+            "--payload-z must be at least 0.001 above or below 0",
         ),
         (
             &["sigma", "quick.toml", "--points", "100000000"],

@@ -101,6 +101,40 @@ pub(super) fn search(
     Err(unreachable(&study.machine().target, refusal))
 }
 
+fn ideal(study: &Study, target: &Target) -> Result<IdealLoop, NumericError> {
+    IdealLoop::new(&study.plant().plant, study.design_model(), target)
+}
+
+/// The target of a study's machine with another `frequency`, Hz.
+fn target_at(study: &Study, frequency: f64) -> Target {
+    Target {
+        frequency,
+        ..study.machine().target
+    }
+}
+
+/// The corner of the ideal loop, Hz, if the transmission zeros keep it above the requested
+/// one: the ideal loop for a tenth of the target, whose gains are a hundred times as high and
+/// whose poles are at the zeros by then, does not get there either. `None` with both kinds of
+/// sensors.
+///
+/// # Errors
+/// If a computation fails.
+pub fn limited_by_zeros(study: &Study) -> Result<Option<f64>, NumericError> {
+    let target = study.machine().target;
+    let asked = CORNER_SLACK * target.isolation_hz();
+    if target.feedback == FeedbackKind::Both {
+        return Ok(None);
+    }
+    let corner = |frequency: f64| {
+        let ideal = ideal(study, &target_at(study, frequency))?;
+        Ok(ideal.isolation_from_hz)
+    };
+    let own = corner(target.frequency)?;
+    let limited = own > asked && corner(0.1 * target.frequency)? > asked;
+    Ok(limited.then_some(own))
+}
+
 /// The error of a `target` that is not reached.
 pub(super) fn unreachable(target: &Target, refusal: Refusal) -> DesignError {
     DesignError::Unreachable {
@@ -149,25 +183,7 @@ impl<'a> Reach<'a> {
     }
 
     fn ideal(&self, target: &Target) -> Result<IdealLoop, NumericError> {
-        IdealLoop::new(&self.study.plant().plant, self.study.design_model(), target)
-    }
-
-    /// The corner of the ideal loop, Hz, if the transmission zeros keep it above the requested
-    /// one: the ideal loop for a tenth of the target, whose gains are a hundred times as high and
-    /// whose poles are at the zeros by then, does not get there either.
-    fn limited_by_zeros(&self) -> Result<Option<f64>, NumericError> {
-        let target = self.study.machine().target;
-        let asked = CORNER_SLACK * target.isolation_hz();
-        if target.feedback == FeedbackKind::Both {
-            return Ok(None);
-        }
-        let corner = |frequency: f64| {
-            let ideal = self.ideal(&self.target_at(frequency))?;
-            Ok(ideal.isolation_from_hz)
-        };
-        let own = corner(target.frequency)?;
-        let limited = own > asked && corner(0.1 * target.frequency)? > asked;
-        Ok(limited.then_some(own))
+        ideal(self.study, target)
     }
 
     /// Why the target is missed.
@@ -198,7 +214,7 @@ impl<'a> Reach<'a> {
         } else {
             String::new()
         };
-        let mut reason = match (miss, self.limited_by_zeros()?) {
+        let mut reason = match (miss, limited_by_zeros(self.study)?) {
             (_, Some(ideal)) => format!(
                 "even without sampling and delay, {} feedback isolates only from {ideal:.2} Hz, and more gain does not help: with its sensors held at zero, the machine still moves, from {slowest:.2} Hz on (host-gen zeros)",
                 target.feedback.name()
@@ -424,10 +440,7 @@ impl<'a> Reach<'a> {
 
     /// The machine's target with another `frequency`, Hz.
     fn target_at(&self, frequency: f64) -> Target {
-        Target {
-            frequency,
-            ..self.study.machine().target
-        }
+        target_at(self.study, frequency)
     }
 
     /// Whether a target at `frequency`, Hz, is reached.

@@ -1,5 +1,5 @@
 //! Template of a machine file, filled in from a few numbers: a frame on three mounts with
-//! two legs each or on six mounts with one leg each, with or without a payload below it.
+//! two legs each or on six mounts with one leg each, with or without a payload above or below it.
 //!
 //! The frame is a disc, the payload a cylinder. All other values are those of
 //! `models/metrology-frame.toml` and are listed as assumed in the file.
@@ -10,6 +10,7 @@ use std::path::Path;
 
 use super::energy::{Kind, energies};
 use super::multibody::Multibody;
+use crate::machine::parts::{self, Part};
 use crate::machine::{FeedbackKind, Machine, MachineError};
 
 /// Number of mounts on the frame. There are six legs in all.
@@ -19,6 +20,70 @@ pub enum Mounts {
     Three,
     /// Six mounts with one leg each, inclined in alternating directions.
     Six,
+}
+
+/// A board whose timing a file takes over from one in the folder `models`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReadyBoard {
+    /// 16 bits at 20 kHz, as in `metrology-frame.toml`.
+    Example,
+    /// The reference board at 20 kHz, `nucleo-h743.toml`.
+    Nucleo,
+    /// The reference board at 50 kHz, `nucleo-h743-fast.toml`.
+    NucleoFast,
+}
+
+impl ReadyBoard {
+    /// All boards.
+    pub const ALL: [Self; 3] = [Self::Example, Self::Nucleo, Self::NucleoFast];
+
+    /// A name in lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Example => "example",
+            Self::Nucleo => "nucleo-h743",
+            Self::NucleoFast => "nucleo-h743-fast",
+        }
+    }
+
+    /// Sample rate, conversion delay and output delay as in the file.
+    fn timing(self) -> [&'static str; 3] {
+        match self {
+            Self::Example => ["20e3", "10e-6", "40e-6"],
+            Self::Nucleo => ["20e3", "8.2e-6", "16.8e-6"],
+            Self::NucleoFast => ["50e3", "8.2e-6", "6.8e-6"],
+        }
+    }
+}
+
+/// The keys that a [`ReadyBoard`] gives.
+const TIMING: [&str; 3] = [
+    "board.sample_rate",
+    "board.conversion_delay",
+    "board.output_delay",
+];
+
+/// The accelerometers of the library that need no figure beside their own, by name.
+pub fn ready_accelerometers() -> impl Iterator<Item = (&'static str, &'static Part)> {
+    let all = parts::all().get("accelerometer").into_iter().flatten();
+    let whole = all.filter(|(_, part)| part.figures.contains_key("sensitivity"));
+    whole.map(|(name, part)| (name.as_str(), part))
+}
+
+/// Root mean square of the frequencies of a machine along x, y and z on legs of
+/// [`usual_leg_stiffness`], Hz: that of the paper's machine, 1590 kg on legs of 8.4e6 N/m.
+pub const USUAL_MEAN_HERTZ: f64 = 16.36;
+
+/// A leg stiffness EA/L, N/m, for a machine of this mass, kg, in two digits: the suspension is as
+/// hard as that of the paper's machine.
+///
+/// Six legs of stiffness k at an angle α with the floor hold the machine with 6·k·sin²α upward
+/// and 3·k·cos²α along x and along y, 6·k in all: the mean square of the three frequencies is
+/// 2·k/m/(2π)², whatever the angle. A certain target then needs gains as on the paper's machine.
+/// It may still be out of reach: geometry and payload are not considered.
+pub fn usual_leg_stiffness(mass: f64) -> f64 {
+    let stiffness = 0.5 * mass * (TAU * USUAL_MEAN_HERTZ).powi(2);
+    format!("{stiffness:.1e}").parse().unwrap_or(stiffness)
 }
 
 /// The numbers that a machine file is made from. SI units; the leg angle in degrees.
@@ -40,14 +105,20 @@ pub struct Outline {
     pub frame_mass: f64,
     /// Mass of the payload, kg; 0 for no payload.
     pub payload_mass: f64,
-    /// Distance of the payload's centre of gravity below the frame, m.
-    pub payload_below: f64,
+    /// The payload's centre of gravity from that of the frame, in the middle of the mounts, m: z
+    /// is upward and not 0, because the blocks between payload and frame have this length.
+    pub payload_at: [f64; 3],
     /// Approximate frequency of the payload's internal modes on the frame, Hz.
     pub internal: f64,
     /// Sensors to feed back.
     pub feedback: FeedbackKind,
     /// Target suspension frequency, Hz.
     pub frequency: f64,
+    /// The board.
+    pub board: ReadyBoard,
+    /// An accelerometer of the library by name, one of [`ready_accelerometers`]; the usual figures
+    /// if there is none.
+    pub accelerometer: Option<&'static str>,
 }
 
 impl Default for Outline {
@@ -62,10 +133,12 @@ impl Default for Outline {
             leg_stiffness: 8.4e6,
             frame_mass: 740.0,
             payload_mass: 850.0,
-            payload_below: 0.1,
+            payload_at: [0.0, 0.0, -0.1],
             internal: 90.0,
             feedback: FeedbackKind::Acceleration,
             frequency: 1.0,
+            board: ReadyBoard::Example,
+            accelerometer: None,
         }
     }
 }
@@ -135,7 +208,7 @@ impl Outline {
     }
 
     fn legs(&self) -> Vec<Leg> {
-        let out = self.height / self.leg_angle.to_radians().tan();
+        let out = self.leg_out();
         let leg = |n: usize| {
             let mount = self.mount_of(n);
             let side = if n.is_multiple_of(2) { out } else { -out };
@@ -148,6 +221,43 @@ impl Outline {
             }
         };
         (0..6).map(leg).collect()
+    }
+
+    /// What looks wrong in the geometry, with what to change; empty if there is nothing.
+    pub fn doubts(&self) -> Vec<String> {
+        let mut doubts = Vec::new();
+        let [x, y, z] = self.payload_at;
+        if self.payload_mass > 0.0 {
+            let depth = -2.0 * z;
+            if depth > self.height * (1.0 + 1e-9) {
+                doubts.push(format!(
+                    "the payload reaches {depth:.3} m below the mounts, and the feet are {:.3} m below them: unless the feet stand on pedestals, increase the mount height or put the payload's centre of gravity at most {:.3} m below the frame, or above it",
+                    self.height,
+                    0.5 * self.height
+                ));
+            }
+            let aside = x.hypot(y);
+            if aside > self.radius {
+                doubts.push(format!(
+                    "the payload's centre of gravity is {aside:.3} m beside the middle, outside the circle of mounts of {:.3} m: the machine tips over unless its feet are fastened; increase the radius or move the payload",
+                    self.radius
+                ));
+            }
+        }
+        // Legs in opposite directions, on neighbouring mounts, meet where their tangents do.
+        let out = self.leg_out();
+        let meeting = self.radius * (0.5 * TAU / self.mount_count() as f64).tan();
+        if out > meeting * (1.0 + 1e-9) {
+            doubts.push(format!(
+                "the legs of neighbouring mounts cross: each foot is {out:.3} m beside its mount, and they meet at {meeting:.3} m; make the legs steeper, the mount height smaller or the radius larger"
+            ));
+        }
+        doubts
+    }
+
+    /// Horizontal distance of a foot from its mount, m.
+    fn leg_out(&self) -> f64 {
+        self.height / self.leg_angle.to_radians().tan()
     }
 
     /// The text of the machine file with comments. The performance bands are chosen from the
@@ -177,7 +287,9 @@ impl Outline {
         } else {
             2.0 * highest
         };
-        let bands = [5.0 * self.frequency, between, 3.0 * last.max(between)];
+        // A target among the suspension modes, which no controller reaches, has bands, too.
+        let low = (5.0 * self.frequency).min(0.5 * between);
+        let bands = [low, between, 3.0 * last.max(between)];
         let text = self.text(bands.map(|hz| format!("{hz:.1e}").parse().unwrap_or(hz)));
         Machine::parse(path, &text)?;
         Ok(text)
@@ -195,7 +307,8 @@ impl Outline {
         let mounts = self.mount_count();
         let payload = self.payload_mass > 0.0;
         let inner = 0.66 * self.radius;
-        let below = -self.payload_below;
+        let [x, y, z] = self.payload_at;
+        let place = if z < 0.0 { "below" } else { "above" };
         let each = match self.mounts {
             Mounts::Three => "three mounts with two legs each",
             Mounts::Six => "six mounts with one leg each",
@@ -204,7 +317,11 @@ impl Outline {
             f,
             "#:schema machine.schema.json\n# {}: a frame on {each}{}.\n#\n# Made by `host-gen new`. Assumed values are listed at the end, under provenance; replace\n# them with your own. SI units. All keys are described in docs/machine-file.md. With\n# machine.schema.json, editors complete and check the keys.\n\nformat = 1\nname = \"{}\"\n",
             self.name,
-            if payload { ", a payload below it" } else { "" },
+            if payload {
+                format!(", a payload {place} it")
+            } else {
+                String::new()
+            },
             self.name
         )?;
         writeln!(f, "[nodes]\n# Mounts, on the frame.")?;
@@ -219,15 +336,15 @@ impl Outline {
         // Between the mounts, so that blocks and legs do not overlap in drawings.
         let turned = |i: usize, z: f64| {
             let (sin, cos) = (TAU * (i as f64 / 3.0 + 5.0 / 12.0)).sin_cos();
-            [inner * cos, inner * sin, z]
+            [x + inner * cos, y + inner * sin, z]
         };
         if payload {
             writeln!(
                 f,
-                "# End nodes of the blocks: on the payload, and above it on the frame."
+                "# End nodes of the blocks: on the payload, and on the frame."
             )?;
             for i in 0..3 {
-                writeln!(f, "payload{} = {}", i + 1, vector(turned(i, below)))?;
+                writeln!(f, "payload{} = {}", i + 1, vector(turned(i, z)))?;
                 writeln!(f, "frame{} = {}", i + 1, vector(turned(i, 0.0)))?;
             }
         }
@@ -251,7 +368,7 @@ impl Outline {
         )?;
         if payload {
             // A cylinder, its centre halfway up.
-            let length = 2.0 * self.payload_below;
+            let length = 2.0 * z;
             let across = self.payload_mass * (3.0 * inner * inner + length * length) / 12.0;
             let along = 0.5 * self.payload_mass * inner * inner;
             writeln!(
@@ -259,7 +376,7 @@ impl Outline {
                 "\n[bodies.payload]\nmass = {:?}\ninertia = {} # kg m², a cylinder with the radius of the blocks\ncog = {}\nnodes = [\"payload1\", \"payload2\", \"payload3\"]",
                 self.payload_mass,
                 vector([across, across, along]),
-                vector([0.0, 0.0, below])
+                vector(self.payload_at)
             )?;
         }
         self.write_beams(f, &legs)?;
@@ -311,7 +428,7 @@ impl Outline {
             let reduced = self.frame_mass * self.payload_mass / both;
             let axial = (TAU * self.internal).powi(2) * reduced / 3.0;
             // Lateral stiffness 12·(EI/L)/L², 0.8 of the axial.
-            let bending = digits(0.8 * axial * self.payload_below.powi(2) / 12.0);
+            let bending = digits(0.8 * axial * self.payload_at[2].powi(2) / 12.0);
             writeln!(
                 f,
                 "\n# Three blocks between payload and frame; internal modes at about {} Hz.\n[profiles.block]\naxial = {:?}\nbending = [{bending:?}, {bending:?}]\ntorsion = {:?}",
@@ -403,6 +520,13 @@ impl Outline {
             FeedbackKind::Force,
             FeedbackKind::Both,
         ];
+        let [rate, conversion, output] = self.board.timing();
+        let accelerometer = match self.accelerometer {
+            Some(name) => {
+                format!("sensor = \"{name}\" # its figures and their source: host-gen parts\n")
+            }
+            None => "sensitivity = 20.0   # V/(m/s²), with the amplifier\nnoise_density = 1e-7 # m/s²/√Hz\n".to_owned(),
+        };
         let others = kinds.into_iter().filter(|kind| *kind != self.feedback);
         writeln!(
             f,
@@ -418,9 +542,9 @@ max_sensitivity = 2.0 # limit for the peak sensitivity
 
 # The board with its converters, sensors and actuators; see docs/board.md.
 [board]
-sample_rate = 20e3       # Hz
-conversion_delay = 10e-6 # s, from the sample until the ADC codes are read
-output_delay = 40e-6     # s, from reading the codes until the outputs are latched
+sample_rate = {rate}       # Hz
+conversion_delay = {conversion} # s, from the sample until the ADC codes are read
+output_delay = {output}     # s, from reading the codes until the outputs are latched
 
 [board.adc]
 bits = 16
@@ -433,9 +557,7 @@ range = [0.0, 5.0] # V; mid-range is zero force
 noise = 50e-6      # rms, V
 
 [board.accelerometer]
-sensitivity = 20.0   # V/(m/s²), with the amplifier
-noise_density = 1e-7 # m/s²/√Hz
-offset = 2e-3        # V
+{accelerometer}offset = 2e-3        # V
 
 [board.force_sensor]
 sensitivity = 0.02   # V/N
@@ -459,7 +581,7 @@ entries = ["nodes", "bodies.frame", "profiles.leg"]
 "#,
             self.feedback.name(),
             names(others.map(FeedbackKind::name)),
-            self.frequency
+            self.frequency,
         )?;
         if payload {
             writeln!(
@@ -472,12 +594,54 @@ entries = ["bodies.payload", "profiles.block"]
                 self.internal
             )?;
         }
+        let mut typical = vec!["damping", "control", "simulation"];
+        if self.board == ReadyBoard::Example {
+            typical.extend(TIMING);
+        } else {
+            writeln!(
+                f,
+                r#"[[provenance]]
+kind = "assumed"
+from = "models/{}.toml; docs/board.md gives the parts of the delays"
+entries = [{}]
+"#,
+                self.board.name(),
+                names(TIMING)
+            )?;
+        }
+        let named = ready_accelerometers().find(|(name, _)| Some(*name) == self.accelerometer);
+        if let Some((_, part)) = named {
+            typical.push("board.accelerometer.offset");
+            writeln!(
+                f,
+                r#"[[provenance]]
+kind = "published"
+from = {:?}
+entries = [{}]
+"#,
+                part.source,
+                names(
+                    part.figures
+                        .keys()
+                        .map(|key| format!("board.accelerometer.{key}"))
+                )
+            )?;
+        } else {
+            typical.push("board.accelerometer");
+        }
+        typical.extend([
+            "board.adc",
+            "board.dac",
+            "board.force_sensor",
+            "board.actuator",
+        ]);
         writeln!(
             f,
             r#"[[provenance]]
 kind = "assumed"
 from = "host-gen new: typical values for such machines"
-entries = ["damping", "control", "board", "simulation"]"#
+entries = [{}]"#,
+            names(typical)
         )
     }
 }
