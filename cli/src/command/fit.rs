@@ -56,7 +56,7 @@ pub fn fit(arguments: &FitArguments) -> Result<(), Failure> {
         error,
     })?;
     print::result(arguments.format, &found)?;
-    if !found.explained {
+    if !found.unexplained.is_empty() {
         return Err(Failure::Unexplained(output.display().to_string()));
     }
     let from = format!("fitted by host-gen to {}", arguments.measured.display());

@@ -73,7 +73,7 @@ const ALIKE: f64 = 0.95;
 const STRANGE: f64 = 0.02;
 
 /// Relative errors of a model that nobody would call wrong.
-const GOOD: f64 = 0.01;
+const GOOD: f64 = 0.02;
 
 /// Relative distance within which lines show a resonance.
 const AROUND: f64 = 0.05;
@@ -131,9 +131,9 @@ pub struct Identification {
     /// Root of the mean square of the measured errors, relative to their standard deviations: about 1
     /// if only noise is left.
     pub relative_misfit: f64,
-    /// Whether the model explains the measurement: the errors that are left are not several times those
-    /// expected from noise and in a good model.
-    pub explained: bool,
+    /// Frequencies, Hz, at which the model does not explain the measurement: the error that is left is
+    /// several times that expected from noise and in a good model.
+    pub unexplained: Vec<f64>,
     /// By frequency.
     pub lines: Vec<Misfit>,
     /// Measured resonances that the fitted model has not.
@@ -506,7 +506,7 @@ pub fn fit(
         identification(&problem, &point, &study, lines, &fit)
     });
     let misfit = match &found {
-        Some(Ok(found)) if found.explained => 0.0,
+        Some(Ok(found)) if found.unexplained.is_empty() => 0.0,
         Some(Ok(found)) => found.relative_misfit,
         _ => f64::INFINITY,
     };
@@ -571,19 +571,17 @@ fn identification(
         expected: line.noise(),
     };
     let misfits: Vec<_> = lines.iter().map(misfit).collect();
-    // Whether errors at the lines for which `of` holds are several times those expected.
-    let unexplained = |of: &dyn Fn(&Misfit) -> bool| {
-        let own = misfits.iter().filter(|line| of(line));
-        let squares: Vec<_> = own
-            .map(|line| (line.error / line.expected.hypot(GOOD)).powi(2))
-            .collect();
-        squares.iter().sum::<f64>() > UNEXPLAINED.powi(2) * squares.len() as f64
-    };
+    let unexplained: Vec<_> = misfits
+        .iter()
+        .filter(|line| line.error > UNEXPLAINED * line.expected.hypot(GOOD))
+        .map(|line| line.hz)
+        .collect();
     let modes = after.model().modes().hertz();
     // Where the model explains what was measured around it, it is a mode that noise has shifted.
     let strange = fit.resonances.iter().filter(|resonance| {
         let away = |hz: f64| (resonance.hz / hz - 1.0).abs();
-        modes.iter().all(|hz| away(*hz) > STRANGE) && unexplained(&|line| away(line.hz) < AROUND)
+        modes.iter().all(|hz| away(*hz) > STRANGE)
+            && unexplained.iter().any(|hz| away(*hz) < AROUND)
     });
     let changes = parameters.iter().zip(point.x.iter());
     Ok(Identification {
@@ -591,7 +589,7 @@ fn identification(
         alike: groups.into_iter().map(named).collect(),
         relative_misfit: problem.relative_misfit(point),
         strange: strange.copied().collect(),
-        explained: !unexplained(&|_| true),
+        unexplained,
         lines: misfits,
         machine: fitted,
         changes: changes

@@ -76,12 +76,19 @@ impl Display for Identification {
                 100.0 * resonance.damping
             )?;
         }
-        if !self.explained {
+        if !self.unexplained.is_empty() {
             writeln!(
                 f,
-                "{WARNING}warning:{WARNING:#} the model does not explain the measurement: look where the difference is largest; a sensor may be at another place, or something is missing in the file"
+                "{WARNING}warning:{WARNING:#} the model does not explain the measurement at {}: a sensor may be at another place, or something is missing in the file",
+                hertz(&self.unexplained)
             )?;
         }
         Ok(())
     }
+}
+
+/// Frequencies as text.
+fn hertz(all: &[f64]) -> String {
+    let all: Vec<_> = all.iter().map(|hz| format!("{hz:.2}")).collect();
+    format!("{} Hz", all.join(", "))
 }
