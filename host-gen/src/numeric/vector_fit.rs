@@ -201,7 +201,8 @@ impl Rational {
     }
 
     /// The same if each pole with a damping ratio below `most` had one that is larger by `added`, and
-    /// its own frequency. Response j is one of s^`powers`[j]/(s² + 2ζω·s + ω²), so residues change.
+    /// its own frequency. Response j is one of s^p/(s² + 2ζω·s + ω²) with p = `powers(j)`, so residues
+    /// change.
     pub fn damped(&self, added: f64, most: f64, powers: impl Fn(usize) -> i32) -> Self {
         let mut moved = self.clone();
         let mut at = 0;
