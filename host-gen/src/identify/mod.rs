@@ -75,8 +75,9 @@ const STRANGE: f64 = 0.02;
 /// Relative errors of a model that nobody would call wrong.
 const GOOD: f64 = 0.02;
 
-/// Relative distance within which lines show a resonance.
-const AROUND: f64 = 0.05;
+/// Relative distance within which lines show a resonance: about half of that from one line of a first
+/// pass to the next.
+const AROUND: f64 = 0.12;
 
 /// Errors so many times as large as those expected, from noise and in a good model, have another
 /// reason.

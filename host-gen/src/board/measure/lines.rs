@@ -4,7 +4,7 @@ use nalgebra::{Complex, Matrix6};
 use rustfft::FftPlanner;
 use shared::LEGS;
 use shared::codes::Calibration;
-use shared::injection::{Injection, Signal};
+use shared::injection::{FADE, Injection, Signal};
 use shared::link::Request;
 use shared::multisine::{BLOCK, FEWEST, LINES, Line, WINDOWS};
 use shared::table::{Table, ValidTable};
@@ -218,7 +218,7 @@ impl Pass {
     ///
     /// - the sum stays within the force limit, and the forces of all legs within half of it at any
     ///   time; with the loop closed, within a fifth and a tenth;
-    /// - every sensor stays within a third of the ADC's range;
+    /// - every sensor stays within a third of the ADC's range, also where the signal fades in and out;
     /// - with the loop closed, the rms of the forces stays below `level`, from which growth is a
     ///   fault;
     /// - with the loop closed, the rms of every sensor in the supervisor's windows, with its noise and
@@ -285,6 +285,11 @@ impl Pass {
         let closed = responses.iter().any(|response| response.closed);
         let part = PART_OF_LIMIT[usize::from(closed)];
         let mut most = 2.0 * part * force_limit(t);
+        // All of a slow signal fades in as a ramp. Of the answer to a jump, a ramp of the time T leaves
+        // sin(πfT)/(πfT) in a mode at f.
+        let slowest = study.model().modes().hertz()[0].max(0.0);
+        let turns = slowest * f64::from(FADE) / board.sample_rate;
+        let faded = 1.0 / (core::f64::consts::PI * turns).max(1.0);
         // Four points in the shortest turn.
         let length = self.samples() / 4;
         let inverse = FftPlanner::new().plan_fft_inverse(length as usize);
@@ -320,6 +325,11 @@ impl Pass {
             for (kind, sensor) in board.fed_back().enumerate() {
                 let rows: [usize; LEGS] = core::array::from_fn(|i| kind * LEGS + i);
                 for i in rows {
+                    // Far above the resonances, the answer is that to a jump of the force.
+                    if let Some(fastest) = responses.last() {
+                        let ramp = faded * fastest.sensors[(i, leg)].norm();
+                        most = most.min(PART_OF_RANGE * range(t, calibration(t, i)) / ramp);
+                    }
                     let motion = peak(&|response| response.sensors[(i, leg)]);
                     most = most.min(PART_OF_RANGE * range(t, calibration(t, i)) / motion);
                 }
