@@ -1,5 +1,7 @@
 //! Which frequencies a pass measures, and with what forces.
 
+use core::f64::consts::{PI, TAU};
+
 use nalgebra::{Complex, Matrix6};
 use rustfft::FftPlanner;
 use shared::LEGS;
@@ -34,6 +36,11 @@ const WINDOW: f64 = 3.3;
 
 /// Smallest distance between two lines, turns in a window: nearer ones are in each other's window.
 const APART: u32 = 2;
+
+/// Schroeder's phase of line `k` of `count`, rad, as on the board.
+fn schroeder(k: usize, count: usize) -> f64 {
+    -PI * (k * k) as f64 / count as f64
+}
 
 /// The lines that are measured at once, and their windows.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,8 +99,7 @@ impl Pass {
 
     /// The injected force at a line, N: X of Re(X·e^(jωt)).
     pub fn injected(&self, line: usize) -> Complex<f64> {
-        let schroeder = (line * line) as f64 / self.turns.len() as f64;
-        let phase = -core::f64::consts::PI * (schroeder + 0.5);
+        let phase = schroeder(line, self.turns.len()) - 0.5 * PI;
         Complex::from_polar(self.amplitudes[line], phase)
     }
 
@@ -285,11 +291,21 @@ impl Pass {
         let closed = responses.iter().any(|response| response.closed);
         let part = PART_OF_LIMIT[usize::from(closed)];
         let mut most = 2.0 * part * force_limit(t);
-        // All of a slow signal fades in as a ramp. Of the answer to a jump, a ramp of the time T leaves
+        // What is slow fades in and out as a ramp, up to the largest value in that time; a signal ends
+        // where its windows begin. Of the answer to a jump, a ramp of the time T leaves
         // sin(πfT)/(πfT) in a mode at f.
         let slowest = study.model().modes().hertz()[0].max(0.0);
         let turns = slowest * f64::from(FADE) / board.sample_rate;
-        let faded = 1.0 / (core::f64::consts::PI * turns).max(1.0);
+        let value = |at: u32| -> f64 {
+            let lines = self.turns.iter().zip(shape).enumerate();
+            let part = |(k, (turns, size)): (usize, (&u32, &f64))| {
+                let turn = f64::from(*turns) * f64::from(at) / f64::from(self.samples());
+                size * (TAU * turn + schroeder(k, shape.len())).sin()
+            };
+            lines.map(part).sum()
+        };
+        let highest = (0..=FADE).map(|at| value(at).abs()).fold(0.0, f64::max);
+        let faded = highest / (PI * turns).max(1.0);
         // Four points in the shortest turn.
         let length = self.samples() / 4;
         let inverse = FftPlanner::new().plan_fft_inverse(length as usize);
@@ -297,9 +313,8 @@ impl Pass {
         let peak = |of: &dyn Fn(&Response) -> Complex<f64>| {
             let mut wave = vec![Complex::ZERO; length as usize];
             for (k, response) in responses.iter().enumerate() {
-                let schroeder = -core::f64::consts::PI * (k * k) as f64 / responses.len() as f64;
-                wave[self.turns[k] as usize] =
-                    of(response) * Complex::from_polar(shape[k], schroeder);
+                let phase = schroeder(k, responses.len());
+                wave[self.turns[k] as usize] = of(response) * Complex::from_polar(shape[k], phase);
             }
             inverse.process(&mut wave);
             wave.iter().map(|x| x.im.abs()).fold(0.0, f64::max)
