@@ -252,27 +252,31 @@ fn a_machine_that_is_not_its_file() {
             near.fold(f64::INFINITY, f64::min) < 0.005,
             "{resonance:?} {modes:?}"
         );
-        // Three modes lie within a width of each other.
+        // Of modes within some widths of each other, a rational function does not tell the damping.
+        let beside = modes
+            .iter()
+            .filter(|hz| (resonance.hz / *hz - 1.0).abs() < 0.03);
         assert!(
-            (resonance.damping / 0.008 - 1.0).abs() < 0.3,
+            beside.count() > 1 || (resonance.damping / 0.008 - 1.0).abs() < 0.3,
             "{resonance:?}"
         );
     }
     assert!(measured.resonances.len() > 5, "{:?}", measured.resonances);
     // The plant itself, with the gains of its sensors, which the table does not know.
     let gains = study.machine().board.gains.sensors[0];
+    let mut errors = Vec::new();
     for line in measured.lines.iter().filter(|line| line.hz > 40.0) {
         let mut plant = study.plant().response(line.hz).g22();
         for (mut row, gain) in plant.row_iter_mut().zip(gains) {
             row *= Complex::from(gain);
         }
         let error = (line.gain() - &plant).norm() / plant.norm();
-        assert!(
-            error < 3.0 * line.noise() && error < 0.1,
-            "{} Hz: {error}",
-            line.hz
-        );
+        assert!(error < 3.0 * line.noise(), "{} Hz: {error}", line.hz);
+        errors.push(error);
     }
+    // The floor, which the internal modes amplify, is a few per cent of what is measured there.
+    errors.sort_by(f64::total_cmp);
+    assert!(errors[errors.len() / 2] < 0.05, "{errors:?}");
     assert!(measured.lines.iter().any(|line| line.error > 1.0));
 
     let measured = folder.path().join("measured.json");
@@ -281,6 +285,11 @@ fn a_machine_that_is_not_its_file() {
     run(&["fit", shown, measured]);
     let fitted = folder.path().join("metrology-frame-fitted.toml");
     is_truth(&fitted, &truth);
+    // The fit tells it, where the floor is low beside what was measured: of the internal modes.
+    let damping = Machine::load(&fitted).unwrap().damping.clone();
+    for ratio in &damping.modes[6..] {
+        assert!((ratio / 0.008 - 1.0).abs() < 0.1, "{damping:?}");
+    }
     // What is no measurement is refused, and a file elsewhere would not find the model.
     let refused = |arguments: &[&str], why: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_host-gen"));
