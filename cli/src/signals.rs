@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use signal_hook::consts::signal;
 use signal_hook::flag;
 
+use crate::failure::Failure;
+
 /// Ctrl-C, the request to end, and a closed terminal.
 const SIGNALS: &[i32] = &[
     signal::SIGINT,
@@ -24,7 +26,15 @@ pub struct Signals {
 
 impl Signals {
     /// From now on, a signal is only noted. A second one ends the program at once.
-    pub fn catch() -> io::Result<Self> {
+    pub fn catch() -> Result<Self, Failure> {
+        Self::registered().map_err(|error| Failure::Io {
+            path: "signals".to_owned(),
+            what: "caught",
+            error,
+        })
+    }
+
+    fn registered() -> io::Result<Self> {
         let (came, number) = (Arc::default(), Arc::default());
         for &signal in SIGNALS {
             // In this order: the first one is noted after it was looked at.

@@ -51,11 +51,7 @@ impl Tools {
                     }
                 ));
             }
-            println!("installing from Debian: {packages}");
-            apt(&["update", "--quiet"])?;
-            let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
-            arguments.extend(&missing);
-            apt(&arguments)?;
+            install_packages(&missing)?;
             missing = self::missing();
         }
         match compiler() {
@@ -107,17 +103,7 @@ pub fn chromium(install: bool) -> Outcome<()> {
     if CHROMIUM.iter().all(|program| Path::new(program).is_file()) {
         return Ok(());
     }
-    let packages = PACKAGES.join(" ");
-    if !install {
-        return Err(format!(
-            "missing: {packages} (Debian packages). Install them with apt-get install --no-install-recommends {packages}, or leave out --no-install"
-        ));
-    }
-    println!("installing from Debian: {packages}");
-    apt(&["update", "--quiet"])?;
-    let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
-    arguments.extend(PACKAGES);
-    apt(&arguments)
+    packages(&PACKAGES, install)
 }
 
 /// What the virtual board's emulator is built with: cmake, and libclang for its bindings.
@@ -128,50 +114,25 @@ pub fn emulator(install: bool) -> Outcome<()> {
         || packaged
             .map(|folder| folder.path().join("lib/libclang.so"))
             .any(|library| library.is_file());
-    let mut packages = Vec::new();
+    let mut missing = Vec::new();
     if !on_path("cmake") {
-        packages.push("cmake");
+        missing.push("cmake");
     }
     if !clang {
-        packages.push("libclang-dev");
+        missing.push("libclang-dev");
     }
-    if packages.is_empty() {
+    if missing.is_empty() {
         return Ok(());
     }
-    let names = packages.join(" ");
-    if !install {
-        return Err(format!(
-            "missing: {names} (Debian packages). Install them with apt-get install --no-install-recommends {names}, or leave out --no-install"
-        ));
-    }
-    println!("installing from Debian: {names}");
-    apt(&["update", "--quiet"])?;
-    let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
-    arguments.extend(packages);
-    apt(&arguments)
+    packages(&missing, install)
 }
 
 /// A Python environment of its own in `folder`, and the folder of its programs; installs what
 /// Debian's Python lacks for it if `install`.
 pub fn venv(folder: &Path, install: bool) -> Outcome<PathBuf> {
-    const PACKAGE: &str = "python3-venv";
     // Without this, the environment has no pip.
-    let able = output(Path::new("python3"), &["-c", "import ensurepip"]).is_some();
-    if !able && !install {
-        return Err(format!(
-            "missing: {PACKAGE} (Debian package). Install it with apt-get install --no-install-recommends {PACKAGE}, or leave out --no-install"
-        ));
-    }
-    if !able {
-        println!("installing from Debian: {PACKAGE}");
-        apt(&["update", "--quiet"])?;
-        apt(&[
-            "install",
-            "--quiet",
-            "--yes",
-            "--no-install-recommends",
-            PACKAGE,
-        ])?;
+    if output(Path::new("python3"), &["-c", "import ensurepip"]).is_none() {
+        packages(&["python3-venv"], install)?;
     }
     run(Command::new("python3")
         .args(["-m", "venv", "--clear"])
@@ -315,6 +276,26 @@ fn output(program: &Path, arguments: &[&str]) -> Option<String> {
 fn on_path(program: &str) -> bool {
     let path = env::var_os("PATH").unwrap_or_default();
     env::split_paths(&path).any(|folder| folder.join(program).is_file())
+}
+
+/// Installs what is missing from Debian's packages if `install`, else says what that is.
+fn packages(missing: &[&str], install: bool) -> Outcome<()> {
+    if install {
+        return install_packages(missing);
+    }
+    let names = missing.join(" ");
+    Err(format!(
+        "missing: {names} (Debian packages). Install them with apt-get install --no-install-recommends {names}, or leave out --no-install"
+    ))
+}
+
+/// Installs Debian's packages.
+fn install_packages(names: &[&str]) -> Outcome<()> {
+    println!("installing from Debian: {}", names.join(" "));
+    apt(&["update", "--quiet"])?;
+    let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
+    arguments.extend(names);
+    apt(&arguments)
 }
 
 /// apt-get, through sudo for whoever is not root.

@@ -8,18 +8,19 @@ use clap::Args;
 use dialoguer::Confirm;
 use dialoguer::theme::ColorfulTheme;
 use host_gen::board::link::{Address, Client, LinkError};
-use host_gen::board::measure::{FEWEST, Measurement, MeasurementSettings, Pass, measure};
+use host_gen::board::measure::{Measurement, MeasurementSettings, Pass, measure};
 use host_gen::board::words::cause;
 use host_gen::commission::{Acceptance, ClosedLoop, Commissioning, Gate, closed_at};
 use host_gen::design::Study;
 use host_gen::identify;
 use host_gen::report::commission::page;
+use shared::controller::ControllerReport;
 use shared::levels::Levels;
 use shared::link::Request;
 use shared::supervisor::Mode;
 use shared::table::ValidTable;
 
-use super::fit::fitted_name;
+use super::fit::{fitted_path, fitted_text, read};
 use crate::failure::{Failure, in_loop};
 use crate::files::write_whole;
 use crate::print;
@@ -44,7 +45,7 @@ pub struct CommissionArguments {
     #[arg(long, allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Number of windows to average, at least 2.
-    #[arg(long, default_value_t = FEWEST)]
+    #[arg(long, default_value_t = MeasurementSettings::USUAL.averages)]
     averages: u32,
 }
 
@@ -59,11 +60,9 @@ const WINDOWS: usize = 40;
 
 pub fn commission(arguments: &CommissionArguments, searcher: &Searcher) -> Result<(), Failure> {
     let settings = MeasurementSettings {
-        band: [0.5, 500.0],
         averages: arguments.averages,
-        settling: 1,
-        coarse: false,
         amplitude: arguments.amplitude,
+        ..MeasurementSettings::USUAL
     };
     settings.check()?;
     // What takes long comes before the connection.
@@ -77,11 +76,7 @@ pub fn commission(arguments: &CommissionArguments, searcher: &Searcher) -> Resul
         what: "made",
         error,
     })?;
-    let signals = Signals::catch().map_err(|error| Failure::Io {
-        path: "signals".to_owned(),
-        what: "caught",
-        error,
-    })?;
+    let signals = Signals::catch()?;
     let mut client = Client::connect(&arguments.at)?;
     client.stop_when(signals.came.clone());
     confirm(
@@ -97,9 +92,9 @@ pub fn commission(arguments: &CommissionArguments, searcher: &Searcher) -> Resul
         client: &mut client,
     };
     let outcome = run.steps(&study, &table);
-    let kept = run.keep();
     // However it ended.
-    let rest = client.uninterrupted(at_rest);
+    let rest = run.client.uninterrupted(at_rest);
+    let kept = run.keep();
     match (outcome, rest) {
         (Ok(()), Ok(())) => kept,
         (Ok(()), Err(error)) => Err(error.into()),
@@ -146,15 +141,14 @@ fn confirm(arguments: &CommissionArguments, seconds: f64) -> Result<(), Failure>
 
 /// Ends what runs on the board.
 fn at_rest(client: &mut Client) -> Result<(), LinkError> {
+    let rests = |report: &ControllerReport| {
+        matches!(report.mode, Mode::Untested | Mode::Idle | Mode::Failed)
+    };
     client.end_injection()?;
-    if matches!(
-        client.report()?.mode,
-        Mode::Untested | Mode::Idle | Mode::Failed
-    ) {
-        return Ok(());
+    if !rests(&client.report()?) {
+        client.command(Request::Stop)?;
+        client.wait_for(rests)?;
     }
-    client.command(Request::Stop)?;
-    client.wait_for(|report| matches!(report.mode, Mode::Untested | Mode::Idle | Mode::Failed))?;
     Ok(())
 }
 
@@ -187,20 +181,9 @@ impl Run<'_> {
             }
         };
         let gate = Gate::fitted(&fit);
-        let name = fitted_name(filed.machine());
-        let path = self.model.with_file_name(format!("{name}.toml"));
-        let based_on = self.model.file_name().unwrap_or_default();
-        let from = format!(
-            "fitted by host-gen commission to {}",
-            self.measurement(table).display()
-        );
-        let text = identify::fitted_file(
-            filed.machine(),
-            &fit,
-            &based_on.to_string_lossy(),
-            &name,
-            &from,
-        );
+        let path = fitted_path(self.model, filed.machine());
+        let measured = self.measurement(table);
+        let text = fitted_text(self.model, filed.machine(), &fit, &measured);
         self.record.fit = Some(fit);
         self.gate(gate)?;
         write_whole(&path, text.as_bytes())?;
@@ -315,7 +298,7 @@ impl Run<'_> {
         if path.exists() {
             let found = format!("{}: taken up from an earlier run", path.display());
             self.gate(Gate::done("measurement found", "of the same table", found))?;
-            return super::fit::read(&path);
+            return read(&path);
         }
         let settings = self.settings;
         let measurement = self.measure(study, table, &settings)?;

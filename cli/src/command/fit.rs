@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use host_gen::board::measure::Measurement;
-use host_gen::identify;
+use host_gen::identify::{self, Identification};
 use host_gen::machine::Machine;
 
 use crate::arguments::Format;
@@ -31,15 +31,11 @@ pub struct FitArguments {
 pub fn fit(arguments: &FitArguments) -> Result<(), Failure> {
     let machine = Machine::load(&arguments.model)?;
     let measurement = read(&arguments.measured)?;
-    let folder = arguments.model.parent().unwrap_or(Path::new(""));
-    let name = fitted_name(&machine);
-    let output = match &arguments.output {
-        Some(path) => path.clone(),
-        None => folder.join(format!("{name}.toml")),
-    };
+    let own = || fitted_path(&arguments.model, &machine);
+    let output = arguments.output.clone().unwrap_or_else(own);
     let beside = |path: &Path| std::path::absolute(path).ok()?.parent().map(Path::to_owned);
-    let model = arguments.model.file_name().unwrap_or_default();
-    if beside(&output) != beside(&arguments.model) || output.file_name() == Some(model) {
+    let other = output.file_name() != arguments.model.file_name();
+    if beside(&output) != beside(&arguments.model) || !other {
         return Err(Failure::Setting {
             option: "--output",
             must: format!(
@@ -59,14 +55,31 @@ pub fn fit(arguments: &FitArguments) -> Result<(), Failure> {
     if !found.unexplained.is_empty() {
         return Err(Failure::Unexplained(output.display().to_string()));
     }
-    let from = format!("fitted by host-gen to {}", arguments.measured.display());
-    let text = identify::fitted_file(&machine, &found, &model.to_string_lossy(), &name, &from);
+    let text = fitted_text(&arguments.model, &machine, &found, &arguments.measured);
     write_whole(&output, text.as_bytes())
 }
 
 /// The name of the fitted machine, and of its file.
-pub fn fitted_name(machine: &Machine) -> String {
+fn fitted_name(machine: &Machine) -> String {
     format!("{}-fitted", machine.name)
+}
+
+/// The usual path of the fitted file of a machine, beside its own file `model`.
+pub fn fitted_path(model: &Path, machine: &Machine) -> PathBuf {
+    model.with_file_name(format!("{}.toml", fitted_name(machine)))
+}
+
+/// The text of the fitted file of the machine in the file `model`, fitted to the measurement in
+/// `measured`.
+pub fn fitted_text(
+    model: &Path,
+    machine: &Machine,
+    found: &Identification,
+    measured: &Path,
+) -> String {
+    let based_on = model.file_name().unwrap_or_default().to_string_lossy();
+    let from = format!("fitted by host-gen to {}", measured.display());
+    identify::fitted_file(machine, found, &based_on, &fitted_name(machine), &from)
 }
 
 /// Reads a measurement.

@@ -226,10 +226,10 @@ struct FrfArguments {
     /// Machine file that the board's table was made from.
     model: PathBuf,
     /// Lowest frequency, Hz.
-    #[arg(long, default_value_t = 0.5, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = MeasurementSettings::USUAL.band[0], allow_negative_numbers = true)]
     from: f64,
     /// Highest frequency, Hz.
-    #[arg(long, default_value_t = 500.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = MeasurementSettings::USUAL.band[1], allow_negative_numbers = true)]
     to: f64,
     /// Only the first pass, with fewer lines and shorter windows, in a third of the time.
     #[arg(long)]
@@ -240,10 +240,10 @@ struct FrfArguments {
     #[arg(long, allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Number of windows to average, at least 2.
-    #[arg(long, default_value_t = 2)]
+    #[arg(long, default_value_t = MeasurementSettings::USUAL.averages)]
     averages: u32,
     /// Number of windows to wait first, until transients have died out.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = MeasurementSettings::USUAL.settling)]
     settling: u32,
 }
 
@@ -355,11 +355,7 @@ fn undone<T, E: Into<Failure>>(
     work: impl FnOnce(&mut Client) -> Result<T, E>,
     undo: impl FnOnce(&mut Client) -> Result<&'static str, LinkError>,
 ) -> Result<T, Failure> {
-    let signals = Signals::catch().map_err(|error| Failure::Io {
-        path: "signals".to_owned(),
-        what: "caught",
-        error,
-    })?;
+    let signals = Signals::catch()?;
     client.stop_when(signals.came.clone());
     let waiting = waiting(wait.to_owned());
     let outcome = work(client).map_err(Into::into);

@@ -50,11 +50,6 @@ impl Commissioning {
             acceptance: None,
         }
     }
-
-    /// Whether all steps so far were passed.
-    pub fn passed(&self) -> bool {
-        self.gates.iter().all(|gate| gate.passed)
-    }
 }
 
 /// The sensitivity at the legs of a closed loop.

@@ -372,13 +372,19 @@ fn responses(machine: &Machine, hertz: &[f64]) -> Option<Responses> {
     Some(DMatrix::from_rows(&rows))
 }
 
+/// The row of a machine's G22 from which on its sensors are of forces, and not of accelerations.
+fn first_force(machine: &Machine) -> usize {
+    match machine.target.feedback {
+        FeedbackKind::Acceleration | FeedbackKind::Both => LEGS,
+        FeedbackKind::Force => 0,
+    }
+}
+
 /// What a search works on.
 struct Search<'a> {
     machine: &'a Machine,
     parameters: &'a [Parameter],
     fit: &'a RationalFit,
-    /// The first row of G22 with forces.
-    forces: usize,
     progress: &'a dyn Progress,
 }
 
@@ -394,7 +400,7 @@ impl Search<'_> {
 
     /// The problem with this `added` damping, and `error` as relative standard deviation.
     fn damped(&self, wiring: &Wiring, added: f64, error: f64) -> Problem<'_> {
-        let target = wiring.applied(&self.fit.damped(added, self.forces));
+        let target = wiring.applied(&self.fit.damped(added, first_force(self.machine)));
         let weights = self.fit.relative_weights(&target, error);
         self.problem(added, target, weights)
     }
@@ -495,10 +501,6 @@ pub fn fit(
         machine,
         parameters: &parameters,
         fit: &fit,
-        forces: match machine.target.feedback {
-            FeedbackKind::Acceleration | FeedbackKind::Both => LEGS,
-            FeedbackKind::Force => 0,
-        },
         progress,
     };
     let filed = Wiring::as_filed(measured);

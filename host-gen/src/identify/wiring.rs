@@ -3,7 +3,8 @@
 use nalgebra::{Complex, DMatrix};
 use shared::LEGS;
 
-use crate::machine::{FeedbackKind, Machine};
+use super::first_force;
+use crate::machine::Machine;
 
 /// How the rows and columns of a measured G22 go with those of the model.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,23 +87,15 @@ impl Wiring {
 
     /// What is otherwise than in the file of `machine`, in words.
     pub fn mistakes(&self, machine: &Machine) -> Vec<String> {
-        let accelerometers = machine.accelerometers.iter().flatten();
-        let accelerometers = accelerometers.map(|sensor| format!("accelerometer {}", sensor.name));
-        let of = |what: &str, beams: &[usize]| -> Vec<String> {
-            let names = beams.iter().map(|beam| &machine.beams[*beam].name);
-            names.map(|name| format!("{what} {name}")).collect()
+        let forces = first_force(machine);
+        let names = machine.sensor_names(machine.target.feedback);
+        let sensor = |(i, name): (usize, String)| match i < forces {
+            true => format!("accelerometer {name}"),
+            false => format!("the force sensor in {name}"),
         };
-        let forces = machine
-            .force_sensors
-            .as_ref()
-            .map_or(&[][..], |beams| beams);
-        let forces = of("the force sensor in", forces);
-        let sensors: Vec<_> = match machine.target.feedback {
-            FeedbackKind::Acceleration => accelerometers.collect(),
-            FeedbackKind::Force => forces,
-            FeedbackKind::Both => accelerometers.chain(forces).collect(),
-        };
-        let legs = of("the drive of", &machine.actuators);
+        let sensors: Vec<_> = names.into_iter().enumerate().map(sensor).collect();
+        let legs = machine.actuators.map(|beam| &machine.beams[beam].name);
+        let legs = legs.map(|name| format!("the drive of {name}"));
         let mut found = of_ends(&sensors, &self.sensors);
         found.extend(of_ends(&legs, &self.legs));
         found

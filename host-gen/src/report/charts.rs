@@ -25,7 +25,7 @@ fn db(x: f64) -> f64 {
     20.0 * x.log10()
 }
 
-fn hertz() -> Axis {
+pub(super) fn hertz() -> Axis {
     Axis::log("frequency, Hz")
 }
 

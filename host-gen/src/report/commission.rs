@@ -1,7 +1,9 @@
 //! The record of a commissioning, as one HTML file with its charts in it.
 
 use super::chart::{Axis, Chart, Colour, Series, Style};
+use super::charts::hertz;
 use super::plots::{PlotError, svg};
+use super::text::change_cells;
 use crate::commission::Commissioning;
 
 const STYLE: &str = "body{font:15px/1.5 sans-serif;color:#222;max-width:980px;margin:2em auto;padding:0 1em}\
@@ -36,7 +38,6 @@ fn table(head: &[&str], names: usize, rows: impl IntoIterator<Item = Vec<String>
 
 /// The charts of what the run has measured.
 pub fn charts(run: &Commissioning) -> Vec<Chart> {
-    let hertz = || Axis::log("frequency, Hz");
     let mut all = Vec::new();
     if let Some(fit) = &run.fit {
         let curve = |name: &str, colour, of: fn(&crate::identify::Misfit) -> f64| {
@@ -112,16 +113,7 @@ pub fn page(run: &Commissioning) -> Result<String, PlotError> {
     if let Some(fit) = &run.fit {
         text += "<h2>Changes of the file's values</h2>\n<p>Those that the measurement determines, with half their intervals of 95 %.</p>\n";
         let rows = fit.estimates.iter().filter(|estimate| estimate.determined);
-        let row = |estimate: &crate::identify::Estimate| {
-            let (factor, unit) = estimate.scale.shown();
-            vec![
-                estimate.name.clone(),
-                format!("{:+.3}", factor * estimate.change),
-                format!("{:.3}", factor * estimate.interval),
-                unit.to_owned(),
-            ]
-        };
-        text += &table(&["", "change", "±", ""], 1, rows.map(row));
+        text += &table(&["", "change", "±", ""], 1, rows.map(change_cells));
     }
     for chart in charts(run) {
         let (heading, note) = (escaped(&chart.title), escaped(&chart.note));

@@ -294,6 +294,15 @@ fn setting(option: &'static str, must: impl Into<String>) -> FrfError {
 }
 
 impl MeasurementSettings {
+    /// What is usual: both passes from 0.5 to 500 Hz.
+    pub const USUAL: Self = Self {
+        band: [0.5, 500.0],
+        averages: FEWEST,
+        settling: 1,
+        coarse: false,
+        amplitude: None,
+    };
+
     /// Checks the settings as far as they do not depend on a board.
     ///
     /// # Errors

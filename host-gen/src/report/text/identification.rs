@@ -12,23 +12,7 @@ impl Display for Identification {
             "{TITLE}Changes of the file's values, and half their intervals of 95 %{TITLE:#}"
         )?;
         let rows = self.estimates.iter().filter(|estimate| estimate.determined);
-        let rows = rows.map(
-            |Estimate {
-                 name,
-                 scale,
-                 change,
-                 interval,
-                 ..
-             }| {
-                let (factor, unit) = scale.shown();
-                vec![
-                    name.clone(),
-                    format!("{:+.3}", factor * change),
-                    format!("{:.3}", factor * interval),
-                    unit.to_owned(),
-                ]
-            },
-        );
+        let rows = rows.map(change_cells);
         let head = cells(["", "change", "±", ""]);
         write_table(f, 2, 1, std::iter::once(head).chain(rows))?;
         let left = self
@@ -85,6 +69,17 @@ impl Display for Identification {
         }
         Ok(())
     }
+}
+
+/// A fitted quantity in a row of a table: name, change, half its interval, unit.
+pub fn change_cells(estimate: &Estimate) -> Vec<String> {
+    let (factor, unit) = estimate.scale.shown();
+    vec![
+        estimate.name.clone(),
+        format!("{:+.3}", factor * estimate.change),
+        format!("{:.3}", factor * estimate.interval),
+        unit.to_owned(),
+    ]
 }
 
 /// Frequencies as text.

@@ -20,3 +20,5 @@ mod shapes;
 mod sigma;
 mod summary;
 mod zeros;
+
+pub use identification::change_cells;
