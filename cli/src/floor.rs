@@ -99,7 +99,7 @@ impl Recorded {
 }
 
 /// What `parse` makes of the text in a file.
-fn parsed<T>(
+pub fn parsed<T>(
     path: &Path,
     parse: impl FnOnce(&str) -> Result<T, SpectrumError>,
 ) -> Result<T, Failure> {

@@ -24,6 +24,7 @@ use arguments::{Common, Format};
 use command::campaign::CampaignArguments;
 use command::commission::CommissionArguments;
 use command::compare::CompareArguments;
+use command::compliance::ComplianceArguments;
 use command::design::DesignArguments;
 use command::fit::FitArguments;
 use command::floor::FloorArguments;
@@ -114,6 +115,11 @@ enum Command {
     ///
     /// Example: host-gen compare models/low-parasitic.toml --by-feedback
     Compare(CompareArguments),
+    /// Show how far forces and moments displace the machine: over frequency, after a step, and under
+    /// the reaction forces of a stage.
+    ///
+    /// Example: host-gen compliance models/metrology-frame.toml --step frame=10
+    Compliance(ComplianceArguments),
     /// Design the controller for the sampled board: shapes, isolation by mode, margins,
     /// delay; with --chart also for other boards.
     ///
@@ -219,6 +225,7 @@ fn run(command: &Command, searcher: &Searcher) -> Result<(), Failure> {
         Command::Floor(arguments) => command::floor::floor(arguments, searcher),
         Command::Plant(arguments) => command::plant::plant(arguments),
         Command::Compare(arguments) => command::compare::compare(arguments, searcher),
+        Command::Compliance(arguments) => command::compliance::compliance(arguments, searcher),
         Command::Design(arguments) => command::design::design(arguments, searcher),
         Command::Bound(common) => command::bound::bound(common, searcher),
         Command::Generate(arguments) => command::table::generate(arguments, searcher),

@@ -114,9 +114,8 @@ enum Task {
     /// Certificates of bounds from matrices, table and certificate alone, and by ECOS, a solver
     /// from PyPI. Not part of `test`.
     Bound,
-    /// Natural frequencies against Exudyn, a multibody program from PyPI, for
-    /// whoever has a Python with it.
-    Exudyn,
+    /// Natural frequencies against Exudyn, a multibody program from PyPI.
+    Exudyn(Setup),
     /// Finds, or installs, what the boards need, and builds their firmware; with --model, the
     /// reference board's image with the table of that machine.
     Build {
@@ -241,7 +240,7 @@ fn main() -> ExitCode {
         Task::Deny(setup) => deny(&setup),
         Task::Speed => speed(),
         Task::Bound => bound(),
-        Task::Exudyn => exudyn(),
+        Task::Exudyn(setup) => exudyn(&setup),
         Task::Build { setup, machine } => {
             Tools::find(!setup.no_install).and_then(|tools| build(&tools, &machine))
         }
@@ -268,6 +267,7 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
     tools::chromium(!setup.no_install)?;
     tools::emulator(!setup.no_install)?;
     tools::maturin(!setup.no_install)?;
+    tools::exudyn(!setup.no_install)?;
     let mut times = Times::default();
     let (reference, image) = boards::building_reference(&tools);
     let boards = building_emulated(&tools)?
@@ -287,11 +287,17 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
         ],
         vec![Step::new("build for boards", boards)],
     ])?;
+    let mut exudyn = own()?;
+    exudyn.arg("exudyn");
+    if setup.no_install {
+        exudyn.arg("--no-install");
+    }
     let samples = if full { FULL_SAMPLES } else { QUICK_SAMPLES };
     let mut frames = built("frames");
     let mut host = vec![
         Step::new("unit and integration tests", [testing()]),
         Step::new("page in a browser", [page_command()]),
+        Step::new("natural frequencies by Exudyn", [exudyn]),
     ];
     if full {
         frames.args(["--frames", &FULL_FRAMES.to_string()]);
@@ -650,31 +656,34 @@ fn speed() -> Outcome<()> {
     run(python().args(["tests/benches/speed.py", folder]))
 }
 
-/// The models, and a machine with nothing alike.
-const MACHINES: [&str; 5] = [
-    MODEL,
-    "models/low-parasitic.toml",
-    "models/smaller-basis.toml",
-    "tests/external/skew.toml",
-    "tests/external/springs.toml",
+/// The models, and machines with nothing alike; each with the file that Exudyn reads, which for a
+/// flexible body has the parts that it is made of.
+const MACHINES: [[&str; 2]; 7] = [
+    [MODEL; 2],
+    ["models/low-parasitic.toml"; 2],
+    ["models/smaller-basis.toml"; 2],
+    ["tests/external/skew.toml"; 2],
+    ["tests/external/springs.toml"; 2],
+    ["tests/external/frame.toml"; 2],
+    ["tests/external/flexible.toml", "tests/external/frame.toml"],
 ];
 
-fn exudyn() -> Outcome<()> {
-    if !python_has("exudyn, numpy, scipy") {
-        return Err("no python3 with Exudyn here; pip install exudyn numpy scipy".to_owned());
-    }
-    for machine in MACHINES {
+fn exudyn(setup: &Setup) -> Outcome<()> {
+    let python = tools::exudyn(!setup.no_install)?;
+    run(&mut building())?;
+    for [machine, parts] in MACHINES {
         println!("{machine}");
-        let modes = host_gen(&["modes", machine, "--format", "json"])
+        let modes = built("host-gen")
+            .args(["modes", machine, "--format", "json"])
             .stderr(Stdio::inherit())
             .output()
-            .map_err(|error| format!("cargo cannot be started: {error}"))?;
+            .map_err(|error| format!("host-gen cannot be started: {error}"))?;
         if !modes.status.success() {
             return Err(format!("host-gen modes {machine} failed"));
         }
         let file = "target/modes.json";
         std::fs::write(file, modes.stdout).map_err(|error| format!("{file}: {error}"))?;
-        run(python().args(["tests/external/exudyn_modes.py", machine, file]))?;
+        run(Command::new(&python).args(["tests/external/exudyn_modes.py", parts, file]))?;
     }
     Ok(())
 }
@@ -724,11 +733,7 @@ fn python() -> Command {
 }
 
 fn python_has(modules: &str) -> bool {
-    python()
-        .args(["-c", &format!("import {modules}")])
-        .stderr(Stdio::null())
-        .status()
-        .is_ok_and(|status| status.success())
+    tools::imports("python3", modules)
 }
 
 /// The cargo that runs this.

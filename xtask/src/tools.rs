@@ -2,9 +2,10 @@
 //! the library's source, a linker, and the emulator.
 
 use std::env;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use crate::{Outcome, run};
 
@@ -161,6 +162,43 @@ pub fn maturin(install: bool) -> Outcome<PathBuf> {
     println!("installing from PyPI: {VERSION}");
     run(Command::new(programs.join("pip")).args(["install", "--quiet", VERSION]))?;
     Ok(own)
+}
+
+/// A Python with Exudyn: the one on the path, else one in an environment of its own with what PyPI has
+/// if `install`.
+pub fn exudyn(install: bool) -> Outcome<PathBuf> {
+    const MODULES: &str = "exudyn, numpy, scipy";
+    const VERSIONS: [&str; 3] = ["exudyn==1.13.6", "numpy==2.4.6", "scipy==1.17.1"];
+    if imports("python3", MODULES) {
+        return Ok(PathBuf::from("python3"));
+    }
+    let folder = Path::new("target/tools/exudyn");
+    let own = folder.join("bin/python3");
+    if imports(&own, MODULES) {
+        return Ok(own);
+    }
+    let wanted = VERSIONS.join(" ");
+    if !install {
+        return Err(format!(
+            "missing: Exudyn. Install it with pip install {wanted}, or leave out --no-install"
+        ));
+    }
+    let programs = venv(folder, install)?;
+    println!("installing from PyPI: {wanted}");
+    run(Command::new(programs.join("pip"))
+        .args(["install", "--quiet"])
+        .args(VERSIONS))?;
+    Ok(own)
+}
+
+/// Whether a Python has these modules.
+pub fn imports(python: impl AsRef<OsStr>, modules: &str) -> bool {
+    Command::new(python)
+        .args(["-c", &format!("import {modules}")])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success())
 }
 
 /// A program that is a crate, and the version that the project is tested with.

@@ -4,6 +4,7 @@ pub mod bound;
 pub mod campaign;
 pub mod commission;
 pub mod compare;
+pub mod compliance;
 pub mod design;
 pub mod fit;
 pub mod floor;

@@ -37,7 +37,7 @@ pub struct BoundAnalysis {
 pub struct RmsBound {
     /// What is minimised, as `control.minimise` says.
     pub minimise: Minimise,
-    /// That of the design, m/s²; of displacements, m.
+    /// That of the design, m/s²; of displacements, m. With what forces and strokes cost.
     pub reached: f64,
     /// None where no bound was found.
     pub found: ByControllers<Option<MeanSquareBound>>,
@@ -62,7 +62,18 @@ impl RmsBound {
             machine.exposure,
         )?;
         let outputs = budget.performance.iter();
-        let powers = outputs.flat_map(|of| budget.measured(of, measure));
+        let penalty = machine.target.penalty.unwrap_or_default();
+        let costs = [
+            (&budget.force, penalty.force),
+            (&budget.stroke, penalty.stroke),
+        ];
+        let costs = costs.into_iter().flat_map(|(legs, cost)| {
+            let own = legs.iter().flat_map(|leg| budget.power(leg));
+            own.map(move |power| cost * cost * power)
+        });
+        let powers = outputs
+            .flat_map(|of| budget.measured(of, measure))
+            .chain(costs);
         Ok(Some(Self {
             minimise: machine.target.minimise,
             reached: powers.sum::<f64>().sqrt(),

@@ -3,6 +3,7 @@
 
 use serde::Serialize;
 
+use super::actuators::Actuators;
 use super::bound::{Room, room};
 use super::delay::DelayBudget;
 use super::floors::FloorAnalysis;
@@ -31,6 +32,7 @@ pub struct DesignAnalysis {
     pub(crate) modes: Vec<ModeIsolation>,
     pub(crate) margins: Margins,
     pub(crate) delay: DelayBudget,
+    pub(crate) actuators: Actuators,
     pub(crate) rounding: Vec<Rounding>,
     /// On the floor of the file, in the band of its simulation.
     pub(crate) floor: FloorAnalysis,
@@ -70,6 +72,7 @@ impl DesignAnalysis {
                 &pole_peaks(&poles),
             ),
             delay: DelayBudget::new(&machine.board),
+            actuators: Actuators::new(study, &closed, &pole_peaks(&poles)),
             rounding: rounding(machine, &design.table),
             room: room(study, &design)?,
             chart: Vec::new(),

@@ -16,7 +16,7 @@ use crate::model::structure::{Modes, StructureModel};
 pub struct ModeAnalysis {
     pub(crate) machine: String,
     pub(crate) modes: Vec<ModeEntry>,
-    /// Static loads of the legs; empty without gravity.
+    /// Static loads of the legs; empty without gravity and preload.
     pub(crate) leg_loads: Vec<LegLoad>,
     #[serde(flatten)]
     pub(crate) control: Option<ControlModes>,

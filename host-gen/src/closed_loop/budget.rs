@@ -176,8 +176,8 @@ impl Sources<'_> {
             .try_inverse()
             .unwrap_or_else(Matrix6::zeros);
         let from_sensors = from_dac * &controller;
-        let motions = Matrix6::from_diagonal(&self.floor.motions(hz));
-        let base = (model.base * motions).map(Complex::from);
+        let motions = Matrix6::from_diagonal(&self.floor.motions(hz, model.waves));
+        let base = (model.base_at(hz) * motions).map(Complex::from);
         let own = self.noise.sensors(hz);
         let Noise { adc, dac, .. } = &self.noise;
         let powers = |by_floor: &Gain, by_force: &Gain, scale: f64| -> Vec<Powers> {

@@ -1,11 +1,14 @@
 //! What moves the performance outputs of a machine: the floor, and the noise of sensors and
 //! converters, as its mean square counts them.
 
+use core::f64::consts::TAU;
+
 use nalgebra::{Complex, DVector, Matrix6};
 use shared::LEGS;
 
 use super::Study;
 use crate::floor::Floor;
+use crate::machine::Penalty;
 use crate::numeric::exposure::Measure;
 use crate::numeric::power_law::steeper;
 use crate::numeric::six::ComplexMatrix6;
@@ -26,6 +29,7 @@ pub(super) struct Sources<'a> {
     floor: Floor,
     noise: Noise,
     measure: Measure,
+    penalty: Penalty,
     /// Lower and upper end of the band, Hz.
     pub(super) band: [f64; 2],
 }
@@ -39,6 +43,7 @@ impl<'a> Sources<'a> {
             floor: machine.floor_motion(),
             noise: Noise::new(&machine.board, true),
             measure,
+            penalty: machine.target.penalty.unwrap_or_default(),
             band: machine.simulation.floor_band,
         }
     }
@@ -66,18 +71,42 @@ impl<'a> Sources<'a> {
         self.measure.weight(hz)
     }
 
-    /// The performance outputs from the leg forces at `hz`, Hz, and the sources there, with
-    /// one-sided densities: the floor, the DAC, and each kind of sensors with its ADC.
+    /// The outputs from the leg forces at `hz`, Hz, and the sources there, with one-sided densities:
+    /// the floor, the DAC, and each kind of sensors with its ADC. The outputs are those of
+    /// performance, then the legs' forces and elongations times their penalties, if they have any.
     pub(super) fn at(&self, hz: f64) -> (Gain, Vec<Source>) {
         let plant = &self.plant.plant;
         let response = self.plant.response(hz);
-        let from_legs = response.from_legs(plant.performance());
-        let motions = self.floor.motions(hz).map(Complex::from);
-        let base = plant.base.map(Complex::from) * Matrix6::from_diagonal(&motions);
+        let elongated = Complex::from(-self.penalty.stroke * (TAU * hz).powi(-2));
+        let forced = Complex::from(self.penalty.force);
+        // Rows of performance, and those that cost.
+        let all = |performance: Gain, forces: Gain, strokes: Gain| {
+            let mut rows: Vec<_> = performance.row_iter().map(|row| row.into_owned()).collect();
+            if self.penalty.force > 0.0 {
+                rows.extend((forces * forced).row_iter().map(|row| row.into_owned()));
+            }
+            if self.penalty.stroke > 0.0 {
+                rows.extend((strokes * elongated).row_iter().map(|row| row.into_owned()));
+            }
+            Gain::from_rows(&rows)
+        };
+        let one = Gain::identity(LEGS);
+        let none = Gain::zeros(LEGS);
+        let from_legs = all(
+            response.from_legs(plant.performance()),
+            one,
+            response.from_legs(plant.legs()),
+        );
+        let motions = self.floor.motions(hz, plant.waves).map(Complex::from);
+        let base = plant.base_at(hz).map(Complex::from) * Matrix6::from_diagonal(&motions);
         let by_dac = ComplexMatrix6::identity() * Complex::from(self.noise.dac.sqrt());
         let mut sources = vec![
             Source {
-                direct: response.from_floor(plant.performance()) * base,
+                direct: all(
+                    response.from_floor(plant.performance()),
+                    none,
+                    response.from_floor(plant.legs()),
+                ) * base,
                 sensed: response.from_floor(plant.sensors()) * base,
             },
             Source {

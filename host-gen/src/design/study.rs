@@ -55,6 +55,16 @@ impl Study {
         })
     }
 
+    /// The sampled plant on a floor at rest, moved by the loads of the machine, as
+    /// [`Plant::loaded`].
+    ///
+    /// # Errors
+    /// As [`Study::new`].
+    pub fn loaded_plant(&self) -> Result<SampledPlant, MachineError> {
+        let plant = Plant::loaded(&self.machine, &self.model, &self.design_model)?;
+        Ok(SampledPlant::new(plant, &self.machine.board))
+    }
+
     /// One study with acceleration feedback and one with force feedback, as far as the
     /// machine has the sensors.
     ///

@@ -75,10 +75,15 @@ impl Floor {
         }
     }
 
-    /// Densities of the motions of the base: those along x, y and z, and their root mean square
-    /// thrice, of which the rotations are a part; m/s²/√Hz.
-    pub(crate) fn motions(&self, hz: f64) -> Vector6<f64> {
+    /// Densities, m/s²/√Hz, of the motions of the base: those along x, y and z, and what the rotations
+    /// about these are a part of: with `waves` that along z, that again, and the root mean square of
+    /// those along x and y; else the root mean square of all three.
+    pub(crate) fn motions(&self, hz: f64, waves: bool) -> Vector6<f64> {
         let [x, y, z] = self.densities(hz);
+        if waves {
+            let level = x.hypot(y) * core::f64::consts::FRAC_1_SQRT_2;
+            return Vector6::new(x, y, z, z, z, level);
+        }
         let mean = (x * x + y * y + z * z).sqrt() / (AXES as f64).sqrt();
         Vector6::new(x, y, z, mean, mean, mean)
     }

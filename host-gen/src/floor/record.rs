@@ -76,7 +76,7 @@ enum Column {
 }
 
 /// The name of a column and its unit, which stands in brackets.
-fn name_and_unit(head: &str) -> (String, Option<&str>) {
+pub(crate) fn name_and_unit(head: &str) -> (String, Option<&str>) {
     let head = head.trim();
     let close = head.find(['[', '(']).zip(head.rfind([']', ')']));
     match close {
@@ -92,14 +92,7 @@ impl Column {
     fn new(head: &str) -> Result<Self, String> {
         let (name, unit) = name_and_unit(head);
         if let "t" | "time" = name.as_str() {
-            return match unit {
-                None | Some("s") => Ok(Self::Time(1.0)),
-                Some("ms") => Ok(Self::Time(1e-3)),
-                Some("µs" | "us") => Ok(Self::Time(1e-6)),
-                Some(unit) => Err(format!(
-                    "\"{unit}\" is no unit of time here; use s, ms or µs"
-                )),
-            };
+            return seconds_in(unit).map(Self::Time);
         }
         let axis = match name.as_str() {
             "x" | "ax" | "a_x" | "acc_x" | "vx" | "v_x" => 0,
@@ -131,7 +124,7 @@ fn has_data(line: &str) -> bool {
 }
 
 /// The number, from 1, of the first line of `text` with data at or behind a byte.
-fn line_at(text: &str, byte: usize) -> usize {
+pub(crate) fn line_at(text: &str, byte: usize) -> usize {
     let (before, behind) = text.split_at_checked(byte).unwrap_or((text, ""));
     let lines = before.matches('\n').count() + 1;
     lines + behind.lines().take_while(|line| !has_data(line)).count()
@@ -143,6 +136,51 @@ fn separator(line: &str) -> u8 {
         .into_iter()
         .find(|c| line.contains(*c));
     found.map_or(b',', |c| c as u8)
+}
+
+/// Reads the lines of a table whose columns are separated by commas, semicolons, tabs or spaces, and
+/// whose `first` line has names or numbers. `#` starts a comment line.
+pub(crate) fn reader<'a>(text: &'a str, first: &str) -> csv::Reader<&'a [u8]> {
+    // A space in a name separates nothing.
+    let number = |line: &&str| {
+        line.trim_start()
+            .starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+    };
+    let numbers = text.lines().find(number);
+    csv::ReaderBuilder::new()
+        .has_headers(false)
+        .delimiter(separator(numbers.unwrap_or(first).trim()))
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .flexible(true)
+        .from_reader(text.as_bytes())
+}
+
+/// The number that a field is.
+pub(crate) fn parsed(field: &str) -> Result<f64, String> {
+    match field.parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err(format!(
+            "\"{field}\" is not a number; decimals have a point"
+        )),
+    }
+}
+
+/// The first line of a table that is more than a comment.
+pub(crate) fn first_line(text: &str) -> Option<&str> {
+    text.lines().find(|line| has_data(line))
+}
+
+/// Seconds in a unit of time.
+pub(crate) fn seconds_in(unit: Option<&str>) -> Result<f64, String> {
+    match unit {
+        None | Some("s") => Ok(1.0),
+        Some("ms") => Ok(1e-3),
+        Some("µs" | "us") => Ok(1e-6),
+        Some(unit) => Err(format!(
+            "\"{unit}\" is no unit of time here; use s, ms or µs"
+        )),
+    }
 }
 
 impl Record {
@@ -160,21 +198,9 @@ impl Record {
     /// samples are not evenly spaced; or there are fewer than 512.
     pub fn read(text: &str, rate: Option<f64>) -> Result<Self, SpectrumError> {
         let text = without_byte_order_mark(text);
-        let first = text.lines().find(|line| has_data(line));
+        let first = first_line(text);
         let first = first.ok_or_else(|| SpectrumError::whole("the record is empty"))?;
-        // A space in a name separates nothing.
-        let number = |line: &&str| {
-            line.trim_start()
-                .starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
-        };
-        let numbers = text.lines().find(number);
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .delimiter(separator(numbers.unwrap_or(first).trim()))
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
-            .flexible(true)
-            .from_reader(text.as_bytes());
+        let mut reader = reader(text, first);
         let mut columns: Vec<Column> = Vec::new();
         let mut time = Vec::new();
         let mut axes: [Vec<f64>; AXES] = Default::default();
@@ -207,12 +233,7 @@ impl Record {
                 )));
             }
             for (column, field) in columns.iter().zip(fields) {
-                let number = || match field.parse::<f64>() {
-                    Ok(x) if x.is_finite() => Ok(x),
-                    _ => Err(at_line(format!(
-                        "\"{field}\" is not a number; decimals have a point"
-                    ))),
-                };
+                let number = || parsed(field).map_err(at_line);
                 match column {
                     Column::Time(unit) => time.push(unit * number()?),
                     Column::Axis(axis, size, _) => axes[*axis].push(size * number()?),

@@ -31,13 +31,13 @@ pub struct SpectrumError {
 
 impl SpectrumError {
     /// That of a line, from 1.
-    pub(super) fn at(line: usize, message: String) -> Self {
+    pub(crate) fn at(line: usize, message: String) -> Self {
         let line = Some(line);
         Self { line, message }
     }
 
     /// That of the text as a whole.
-    pub(super) fn whole(message: impl Into<String>) -> Self {
+    pub(crate) fn whole(message: impl Into<String>) -> Self {
         Self {
             line: None,
             message: message.into(),

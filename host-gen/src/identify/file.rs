@@ -144,8 +144,20 @@ pub fn fitted_file(
         ("force", known[1], errors.sensors[1]),
         ("actuators", machine.board.gains.actuators, errors.actuators),
     ];
+    // What follows from the stiffness of the legs in the file would follow from the fitted one.
+    let actuator = &machine.description().board.actuator;
+    let follows = actuator.gain.is_none();
+    if follows {
+        let gain = machine.board.actuator_gain;
+        put(&["board", "actuator", "gain"], number(gain));
+        entries.push("board.actuator.gain".to_owned());
+    }
+    if actuator.limit.is_none() {
+        let limit = machine.board.force_limit;
+        put(&["board", "actuator", "limit"], number(limit));
+    }
     for (key, known, errors) in all {
-        if errors.iter().any(|error| *error != 0.0) {
+        if errors.iter().any(|error| *error != 0.0) || (follows && key == "actuators") {
             let gains = known
                 .iter()
                 .zip(errors)

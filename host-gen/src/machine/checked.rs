@@ -3,7 +3,7 @@
 use std::ops::{Deref, DerefMut};
 use std::path::Path;
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3, Vector6};
+use nalgebra::{Complex, DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::LEGS;
@@ -12,8 +12,8 @@ use shared::table::ModelDigest;
 
 use super::error::{EntryError, MachineError};
 use super::file::{
-    FeedbackKind, LawName, MachineFile, Minimise, Provenance, Resonance, RollOff, ShapeEntry,
-    Simulation, SupervisionSettings,
+    FeedbackKind, LawName, MachineFile, Minimise, Penalty, Provenance, Resonance, RollOff,
+    ShapeEntry, Simulation, SupervisionSettings,
 };
 use super::noise::NoiseDensity;
 use super::source::Source;
@@ -61,12 +61,17 @@ pub struct Machine {
     pub force_sensors: Option<[usize; LEGS]>,
     /// Rheonomic inputs q_r at base nodes, Eq. (8).
     pub floor: [Direction; LEGS],
-    /// Rotations of the base about x, y and z as parts of its translation, rad/m.
+    /// Rotations of the base about x, y and z as parts of its translation, rad/m; or, of waves, as
+    /// parts of the rate of change of its translation, rad s/m.
     pub rotation: Vector3<f64>,
+    /// Whether waves in the ground rotate the base.
+    pub waves: bool,
     /// The spectrum of the base's acceleration along each of x, y and z, where the file gives it.
     pub spectrum: Option<Floor>,
     /// Performance outputs, Eq. (10), at least one.
     pub performance: Vec<Performance>,
+    /// Forces and moments whose compliance is asked for, at most six.
+    pub loads: Vec<Load>,
     /// Bands to report peaks in: name, lower and upper limit, Hz.
     pub bands: Vec<(String, f64, f64)>,
     /// Exposure time of moving averages and deviations, s.
@@ -90,7 +95,7 @@ pub struct Machine {
     pub provenance: Vec<Provenance>,
     /// SHA-256 of the description without comments and layout: everything that decides the
     /// controller, the matrices of flexible bodies included. Of `simulation` that is the floor, as
-    /// are `floor.rotation` and `floor.spectrum`, unless the search minimises the peaks; of
+    /// are `floor.rotation`, `floor.wave_speed` and `floor.spectrum`, unless the search minimises the peaks; of
     /// `robustness` what the modal law is verified on; `provenance` is left out.
     pub digest: ModelDigest,
     /// Errors of gains that the controller does not know: zero for the machine of a file.
@@ -241,6 +246,8 @@ pub struct Beam {
     pub loss_factor: f64,
     /// Viscous damper along the beam, N s/m.
     pub damper: f64,
+    /// Axial force with which it is built in, N, tension positive.
+    pub preload: f64,
     /// Local axes as rows: x from p to q, then y and z, unit vectors.
     pub axes: Matrix3<f64>,
     /// Length, m.
@@ -387,6 +394,8 @@ pub struct Target {
     pub law: LawName,
     /// Objective of the search for the controller.
     pub minimise: Minimise,
+    /// What forces and strokes of the legs cost in it.
+    pub penalty: Option<Penalty>,
 }
 
 impl Target {
@@ -402,6 +411,15 @@ impl Target {
         let b = 1.0 - 2.0 * self.damping * self.damping;
         self.frequency * (b + b.hypot(1.0)).sqrt().max(1.0)
     }
+}
+
+/// A force or a moment on the machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Load {
+    /// Where, and in what direction or about what axis.
+    pub at: Direction,
+    /// Whether it is a moment, N m, not a force, N.
+    pub moment: bool,
 }
 
 /// The board with its converters, sensors and actuators.
@@ -431,10 +449,76 @@ pub struct Board {
     pub gains: ChannelGains,
     /// Force per volt at the DAC, N/V.
     pub actuator_gain: f64,
-    /// Bandwidth of amplifier and piezo as a first-order low-pass, Hz.
+    /// Bandwidth of amplifier and actuator as a first-order low-pass, Hz.
     pub actuator_bandwidth: Option<f64>,
     /// Force limit of a leg in either direction, N.
     pub force_limit: f64,
+    /// What piezo stacks do that is not linear, if the file describes them.
+    pub piezo: Option<Piezo>,
+}
+
+/// The actuators of the legs with their amplifiers.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Actuator {
+    /// Mean force per volt at the DAC, N/V, for small signals.
+    pub(super) gain: f64,
+    /// Gain of each leg over the mean (no unit).
+    pub(super) shares: [f64; LEGS],
+    /// Force limit of a leg in either direction, N.
+    pub(super) limit: f64,
+    /// Bandwidth of amplifier and actuator as a first-order low-pass, Hz.
+    pub(super) bandwidth: Option<f64>,
+    pub(super) piezo: Option<Piezo>,
+}
+
+/// What a piezo stack with its amplifier does that is not linear, in terms of the force that a
+/// linear one with the gain of small signals would make.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piezo {
+    /// The force at either end of the voltage range, N.
+    pub half_range: f64,
+    /// Width of the hysteresis loop over the whole voltage range as a fraction of the stroke (no
+    /// unit), 0 to below 0.4.
+    pub hysteresis: f64,
+    /// Relative growth of an expansion in each decade of time (no unit).
+    pub creep: f64,
+    /// The fastest change of the force that the amplifier's current allows, N/s.
+    pub rate: Option<f64>,
+}
+
+impl Piezo {
+    /// The same stack with `factor` times the force.
+    pub(super) fn scaled(self, factor: f64) -> Self {
+        Self {
+            half_range: factor * self.half_range,
+            rate: self.rate.map(|rate| factor * rate),
+            ..self
+        }
+    }
+
+    /// The relative growth of the gain per newton of amplitude, 1/N: α of Rayleigh's law, in which a
+    /// sine of amplitude a moves the stack by (1 + α·a) times as much as a small one.
+    ///
+    /// Over the whole range the loop is H of the stroke wide at its middle, and that width is
+    /// α·a²: so α·a = 2H/(1 − 2H) at a = [`half_range`](Self::half_range).
+    pub fn bend(&self) -> f64 {
+        2.0 * self.hysteresis / (1.0 - 2.0 * self.hysteresis) / self.half_range
+    }
+
+    /// The describing function for a sine of `amplitude`, N, in terms of small signals: the complex
+    /// gain of the fundamental, (1 + α·a) − j·4α·a/3π. Its lag is that of the loop.
+    pub fn describing_function(&self, amplitude: f64) -> Complex<f64> {
+        let growth = self.bend() * amplitude;
+        Complex::new(1.0 + growth, -4.0 / (3.0 * core::f64::consts::PI) * growth)
+    }
+
+    /// The highest frequency of a sine of `amplitude`, N, that the amplifier's current allows, Hz;
+    /// infinite without a limit.
+    pub fn fastest(&self, amplitude: f64) -> f64 {
+        self.rate.map_or(f64::INFINITY, |rate| {
+            rate / (core::f64::consts::TAU * amplitude)
+        })
+    }
 }
 
 impl Board {
@@ -533,6 +617,8 @@ pub struct Sensor {
     pub lower_corner: Option<LowerCorner>,
     /// Resonance of the sensor, a low-pass of second order.
     pub resonance: Option<Resonance>,
+    /// Largest part of an acceleration across its axis that the sensor reads (no unit).
+    pub transverse: f64,
 }
 
 /// The high-pass of a sensor that does not measure constant values, with its corner (−3 dB), Hz.
@@ -687,8 +773,10 @@ impl Machine {
             force_sensors,
             floor,
             rotation,
+            waves,
             spectrum,
             performance,
+            loads: _,
             bands,
             exposure,
             target,
@@ -710,6 +798,7 @@ impl Machine {
                 simulation.floor_rms,
                 spectrum,
                 rotation,
+                waves,
                 exposure,
             )),
         };

@@ -35,6 +35,7 @@
 //!     beams: Default::default(),
 //!     springs: Default::default(),
 //!     point_masses: Default::default(),
+//!     loads: Default::default(),
 //!     coordinates: CoordinatesEntry::default(),
 //!     actuators: ActuatorsEntry::default(),
 //!     sensors: SensorsEntry::default(),
@@ -49,6 +50,7 @@
 //!         law: LawName::Modal,
 //!         roll_off: None,
 //!         minimise: Minimise::Peaks,
+//!         penalty: None,
 //!         shapes: None,
 //!     },
 //!     board: BoardEntry {
@@ -64,10 +66,11 @@
 //!             bandwidth: None,
 //!             lower_corner: None,
 //!             lower_order: None,
+//!             transverse: None,
 //!             resonance: None,
 //!         }),
 //!         force_sensor: None,
-//!         actuator: ActuatorEntry { gain: 100.0, limit: 200.0, bandwidth: None },
+//!         actuator: ActuatorEntry { gain: Some(100.0), limit: Some(200.0), ..ActuatorEntry::default() },
 //!         gains: GainsEntry::default(),
 //!     },
 //!     supervision: SupervisionSettings::default(),
@@ -138,8 +141,8 @@ use serde::{Deserialize, Serialize};
 /// The whole machine file.
 ///
 /// Serialised, it leaves out [`simulation`](Self::simulation),
-/// [`robustness`](Self::robustness) and [`provenance`](Self::provenance), which the
-/// digest of a machine does not cover.
+/// [`robustness`](Self::robustness), [`loads`](Self::loads) and [`provenance`](Self::provenance),
+/// which the digest of a machine does not cover.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct MachineFile {
@@ -180,6 +183,10 @@ pub struct MachineFile {
     /// Point masses by name, at one node each.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub point_masses: IndexMap<String, PointMassEntry>,
+    /// Forces and moments on the machine by name, at most six, whose compliance `compliance` shows.
+    /// Not part of the digest.
+    #[serde(default, skip_serializing)]
+    pub loads: IndexMap<String, LoadEntry>,
     /// The degrees of freedom q_d, Eq. (7).
     pub coordinates: CoordinatesEntry,
     /// The beams with an actuator, Eq. (9).
@@ -227,9 +234,11 @@ impl MachineFile {
         let simulation = toml::Value::try_from(self.simulation)?;
         let robustness = toml::Value::try_from(&self.robustness)?;
         let provenance = toml::Value::try_from(&self.provenance)?;
+        let loads = toml::Value::try_from(&self.loads)?;
         table.insert("simulation".to_owned(), simulation);
         table.insert("robustness".to_owned(), robustness);
         table.insert("provenance".to_owned(), provenance);
+        table.insert("loads".to_owned(), loads);
         Ok(table)
     }
 }
@@ -409,6 +418,11 @@ pub struct BeamEntry {
     /// beam's own axes, such as `["ry"]` for a hinge about the local y axis. Default: both fixed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joints: Option<[JointEntry; 2]>,
+    /// Axial force with which it is built in, N. Tension positive: the force that it has as long as
+    /// its ends stay where they are; the machine yields to it as to the weight, and static loads
+    /// change the stiffness. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preload: Option<f64>,
 }
 
 /// The joint at an end of a beam, in one of two notations.
@@ -501,6 +515,19 @@ pub struct PointMassEntry {
     pub inertia: Option<Inertia>,
 }
 
+/// `[loads.NAME]`: a force or a moment on the machine, such as the reaction of a stage.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoadEntry {
+    /// Name of the node that it acts on, not one of the base.
+    pub node: String,
+    /// Unit vector `[x, y, z]` of its positive direction, or axis (no unit).
+    pub direction: [f64; 3],
+    /// Whether it is a moment about the axis, not a force. Default: false.
+    #[serde(default)]
+    pub moment: bool,
+}
+
 /// `[coordinates]`: the degrees of freedom.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -564,6 +591,13 @@ pub struct FloorEntry {
     /// peaks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[f64; 3]>,
+    /// Speed of the waves in the ground that rotate the base as they pass under it, m/s. Above 0. At
+    /// the frequency f, the acceleration along z, travelling in all directions alike, makes rotations
+    /// of 2πf/√2 over the speed about x and y, and those along x and y one of πf over the speed
+    /// about z. Either this or `rotation`. Default: the base does not rotate. Part of the digest as
+    /// `rotation`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wave_speed: Option<f64>,
     /// One-sided spectrum of the base's acceleration along each of x, y and z: that of a vibration
     /// criterion, `"vc-a"` to `"vc-g"` or `"nist-a"`, or points `[[frequency, density], …]`, Hz
     /// and m/s²/√Hz, straight on logarithmic axes. Default: white, as `simulation` says. Part of
@@ -647,6 +681,9 @@ pub struct ControlEntry {
     /// `"average"` or `"deviation"`.
     #[serde(default)]
     pub minimise: Minimise,
+    /// What forces and strokes of the legs cost. Only with `minimise = "rms"`. Default: nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub penalty: Option<Penalty>,
     /// Shapes of the modal law, one for each of the six modes, slowest mode first, as
     /// `host-gen design` prints them. With them nothing is searched, and the controller
     /// that they make is verified. Default: the best ones are searched.
@@ -698,6 +735,16 @@ pub struct RollOff {
     pub hz: f64,
     /// Slope: the limit falls as 1/f to this power (no unit). Not negative.
     pub order: f64,
+}
+
+/// `control.penalty`: what the search adds to the mean square of the performance outputs.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Penalty {
+    /// Of the force of each leg, m/s²/N. Its mean square counts with the square of this. Not negative.
+    pub force: f64,
+    /// Of the elongation of each leg, 1/s². As of the force: m/s² per m. Not negative.
+    pub stroke: f64,
 }
 
 impl RollOff {
@@ -887,6 +934,10 @@ pub struct SensorEntry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 2))]
     pub lower_order: Option<u32>,
+    /// Transverse sensitivity: the largest part of an acceleration across its axis that it reads (no
+    /// unit). From 0 to 0.3. Adds to the errors of direction on which a design is verified. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transverse: Option<f64>,
     /// The sensor's own resonance, a low-pass of second order. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resonance: Option<Resonance>,
@@ -927,17 +978,83 @@ impl From<f64> for NoiseEntry {
     }
 }
 
-/// `[board.actuator]`: piezo actuators with their amplifiers.
-#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+/// `[board.actuator]`: actuators with their amplifiers, all of one kind.
+///
+/// Either `gain` and `limit`, or the figures of a data sheet in `piezo` or `voice_coil`, from which
+/// both follow. `gain` and `limit` take precedence where they are given too.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorEntry {
-    /// Force per volt at the DAC with the amplifier, N/V. Negative if it inverts; not 0.
-    pub gain: f64,
-    /// Force limit of a leg in either direction, N. Above 0, and within the DAC's range.
-    pub limit: f64,
-    /// Bandwidth of amplifier and piezo as a first-order low-pass, Hz. Above 0. Default: no
+    /// Force per volt at the DAC with the amplifier, N/V. Negative if it inverts; not 0. Default:
+    /// from `piezo` or `voice_coil`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+    /// Force limit of a leg in either direction, N. Above 0, and within the DAC's range. Default:
+    /// from `piezo` or `voice_coil`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<f64>,
+    /// Bandwidth of amplifier and actuator as a first-order low-pass, Hz. Above 0. Default: no
     /// low-pass.
     pub bandwidth: Option<f64>,
+    /// Piezo stacks, by the figures of their data sheet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub piezo: Option<PiezoEntry>,
+    /// Voice coils, by the figures of their data sheet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub voice_coil: Option<VoiceCoilEntry>,
+}
+
+/// `[board.actuator.piezo]`: a piezo stack in series with the flexures of a leg.
+///
+/// Mid-range of the DAC is the middle of the voltage range. The stack's free expansion strains the
+/// whole leg, so the force σ_a of Eq. (9) is the leg's axial stiffness times that expansion. That is
+/// exact for a stack and flexures without mass, whatever the share of each in the stiffness.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PiezoEntry {
+    /// Free stroke over the whole of `voltage`, m. Above 0. Default: `blocked_force` over
+    /// `stiffness`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub free_stroke: Option<f64>,
+    /// Lowest and highest voltage `[low, high]` at the stack, V.
+    pub voltage: [f64; 2],
+    /// Axial stiffness of the stack, N/m. Above 0, and at least that of each actuated leg.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<f64>,
+    /// Force of the blocked stack over the whole of `voltage`, N. Above 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blocked_force: Option<f64>,
+    /// Voltage gain of the amplifier (no unit), volts at the stack per volt at the DAC. Negative if
+    /// it inverts; not 0.
+    pub amplifier_gain: f64,
+    /// Capacitance of the stack, F. Above 0. Required if `amplifier_current` is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capacitance: Option<f64>,
+    /// Largest current of the amplifier in either direction, A. Above 0. It limits how fast the
+    /// force changes. Default: no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amplifier_current: Option<f64>,
+    /// Width of the hysteresis loop over the whole of `voltage`, as a fraction of the stroke (no
+    /// unit). From 0 to below 0.4. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hysteresis: Option<f64>,
+    /// Creep: relative growth of an expansion in each decade of time after 0.1 s (no unit). From 0
+    /// to 0.1. Default: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub creep: Option<f64>,
+}
+
+/// `[board.actuator.voice_coil]`: a voice coil on a current amplifier, beside the spring of a leg.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct VoiceCoilEntry {
+    /// Force constant, N/A. Above 0.
+    pub force_constant: f64,
+    /// Current of the amplifier per volt at the DAC, A/V. Negative if it inverts; not 0.
+    pub amplifier_gain: f64,
+    /// Largest current in either direction, A. Above 0. That which the coil bears continuously, or
+    /// that of the amplifier if it is smaller.
+    pub current: f64,
 }
 
 /// `[supervision]`: limits and times of the supervisor.

@@ -99,6 +99,7 @@ const RIGID_WHY: &str = "stiffer parts are rigid: make one body of what they joi
 const PLACE_WHY: &str = "as far as the Earth is wide";
 const RATE_WHY: &str = "what converters and processors can do";
 const VOLTS_WHY: &str = "what converters and amplifiers can do";
+const STACK_WHY: &str = "what piezo stacks have";
 const TIME_WHY: &str = "at most a day";
 const COUNT_WHY: &str = "more would never be reached";
 const CORNER_WHY: &str = "what a controller can filter";
@@ -268,6 +269,7 @@ const ALL: &[Limits] = &[
         "rad/m",
         "a base that turns by more hardly moves",
     ),
+    limits("floor.wave_speed", 1.0, 1e5, "m/s", "from mud to rock"),
     limits(
         "floor.inputs.*.direction",
         0.0,
@@ -495,7 +497,81 @@ const ALL: &[Limits] = &[
         "N",
         "no actuator has other ones",
     ),
+    limits("board.accelerometer.transverse", 0.0, 1.0, "", "a fraction"),
+    limits("board.force_sensor.transverse", 0.0, 1.0, "", "a fraction"),
     limits("board.actuator.bandwidth", 1e-3, 1e12, "Hz", VOLTS_WHY),
+    limits(
+        "board.actuator.piezo.free_stroke",
+        1e-9,
+        1e-2,
+        "m",
+        "stacks have micrometres",
+    ),
+    limits("board.actuator.piezo.voltage", 0.0, 1e5, "V", STACK_WHY),
+    limits(
+        "board.actuator.piezo.stiffness",
+        1e3,
+        1e12,
+        "N/m",
+        STACK_WHY,
+    ),
+    limits(
+        "board.actuator.piezo.blocked_force",
+        1e-3,
+        1e9,
+        "N",
+        STACK_WHY,
+    ),
+    limits(
+        "board.actuator.piezo.amplifier_gain",
+        1e-6,
+        1e6,
+        "",
+        VOLTS_WHY,
+    ),
+    limits(
+        "board.actuator.piezo.capacitance",
+        1e-12,
+        1.0,
+        "F",
+        STACK_WHY,
+    ),
+    limits(
+        "board.actuator.piezo.amplifier_current",
+        1e-6,
+        1e4,
+        "A",
+        VOLTS_WHY,
+    ),
+    limits(
+        "board.actuator.piezo.hysteresis",
+        0.0,
+        1.0,
+        "",
+        "a fraction",
+    ),
+    limits("board.actuator.piezo.creep", 0.0, 1.0, "", "a fraction"),
+    limits(
+        "board.actuator.voice_coil.force_constant",
+        1e-6,
+        1e6,
+        "N/A",
+        "what voice coils have",
+    ),
+    limits(
+        "board.actuator.voice_coil.amplifier_gain",
+        1e-6,
+        1e6,
+        "A/V",
+        VOLTS_WHY,
+    ),
+    limits(
+        "board.actuator.voice_coil.current",
+        1e-6,
+        1e6,
+        "A",
+        VOLTS_WHY,
+    ),
     limits("supervision.soft_start", 0.0, 1e5, "s", TIME_WHY),
     limits("supervision.settle", 0.0, 1e5, "s", TIME_WHY),
     limits("supervision.safe_ramp", 0.0, 1e5, "s", TIME_WHY),
@@ -548,6 +624,10 @@ const ALL: &[Limits] = &[
     ),
     limits("simulation.floor_band", 1e-3, 1e8, "Hz", "slower is tides"),
     limits("simulation.seed", 0.0, f64::MAX, "", "any"),
+    limits("control.penalty.force", 0.0, 1e9, "m/s²/N", RATIO_WHY),
+    limits("control.penalty.stroke", 0.0, 1e12, "1/s²", RATIO_WHY),
+    limits("beams.*.preload", 1e-9, 1e12, "N", "no beam bears more"),
+    limits("loads.*.direction", 0.0, 2.0, "", "it is a unit vector"),
     limits("board.gains.acceleration", 0.1, 10.0, "", GAINS_WHY),
     limits("board.gains.force", 0.1, 10.0, "", GAINS_WHY),
     limits("board.gains.actuators", 0.1, 10.0, "", GAINS_WHY),

@@ -18,6 +18,7 @@
 //! | [`parts`] | sensors with the figures of their makers |
 //! | `sensor` | a sensor with its noise and its dynamics |
 //! | `checked` | [`Machine`] and its parts |
+//! | `actuator` | actuators with their amplifiers, from data sheets |
 //! | `beam_mass` | mass and segments of a beam, and the nodes that beams hold |
 //! | `flexible` | flexible bodies and their matrices |
 //! | `validate` | from the file's types to a [`Machine`] |
@@ -25,6 +26,7 @@
 //! What only the arrangement as a whole can show (dependent degrees of freedom, a singular
 //! sensor arrangement) is checked by [`crate::model`], not here.
 
+mod actuator;
 mod beam_mass;
 mod checked;
 mod error;
@@ -46,15 +48,15 @@ use std::path::Path;
 
 pub use checked::{
     Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
-    FlexibleBody, LowerCorner, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring,
-    Stiffness, Structure, Target, Uncertainty,
+    FlexibleBody, Load, LowerCorner, Machine, Node, Performance, Piezo, PointMass, Robustness,
+    Sensor, Spring, Stiffness, Structure, Target, Uncertainty,
 };
 pub(crate) use error::EntryError;
 pub use error::MachineError;
 pub use file::{
-    Certainty, FeedbackKind, FilterEntry, LawName, MachineFile, Minimise, NoiseEntry, Provenance,
-    Resonance, ResonanceEntry, RollOff, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
-    UnknownFeedback,
+    Certainty, FeedbackKind, FilterEntry, LawName, MachineFile, Minimise, NoiseEntry, Penalty,
+    Provenance, Resonance, ResonanceEntry, RollOff, ShapeEntry, Simulation, SpectrumEntry,
+    SupervisionSettings, UnknownFeedback,
 };
 pub use noise::NoiseDensity;
 use source::Source;

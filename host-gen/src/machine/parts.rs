@@ -52,14 +52,14 @@ impl Display for Part {
 }
 
 /// Puts the figures of the sensors that one file's table names into it, below its own keys, and
-/// takes the names out. Returns the kinds whose sensors are named.
+/// takes the names out. Returns the kinds whose parts are named or given by a data sheet.
 ///
 /// # Errors
 /// If a name is no string or not in the library.
 pub(super) fn fill(file: &mut Table) -> Result<Vec<&'static str>, EntryError> {
     let mut named = Vec::new();
     for kind in KINDS {
-        let Some(sensor) = sensor(file, kind) else {
+        let Some(sensor) = part(file, kind) else {
             continue;
         };
         let Some(name) = sensor.remove("sensor") else {
@@ -82,34 +82,49 @@ pub(super) fn fill(file: &mut Table) -> Result<Vec<&'static str>, EntryError> {
         }
         named.push(kind);
     }
+    let own = part(file, ACTUATOR);
+    if own.is_some_and(|own| DATA_SHEETS.iter().any(|key| own.contains_key(*key))) {
+        named.push(ACTUATOR);
+    }
     Ok(named)
 }
 
-/// Takes the figures of the sensors of these `kinds` out of the table of a file below one that names
-/// others: they are not those of the named sensors.
+/// Takes the figures of the parts of these `kinds` out of the table of a file below one that names
+/// others: they are not those of the named parts.
 pub(super) fn replace(below: &mut Table, kinds: &[&str]) {
     for kind in kinds {
-        if let Some(sensor) = sensor(below, kind) {
-            sensor.retain(|key, _| !FIGURES.contains(&key));
+        if let Some(part) = part(below, kind) {
+            part.retain(|key, _| match *kind {
+                ACTUATOR => !MADE.contains(&key) && !DATA_SHEETS.contains(&key),
+                _ => !FIGURES.contains(&key),
+            });
         }
     }
 }
 
-/// The table of the sensors of a kind.
-fn sensor<'a>(file: &'a mut Table, kind: &str) -> Option<&'a mut Table> {
+/// The table of `[board]` with the parts of a kind.
+fn part<'a>(file: &'a mut Table, kind: &str) -> Option<&'a mut Table> {
     let board = file.get_mut("board")?.as_table_mut()?;
     board.get_mut(kind)?.as_table_mut()
 }
 
 /// The keys that are figures of a sensor, not of the board that it is on.
-const FIGURES: [&str; 6] = [
+const FIGURES: [&str; 7] = [
     "sensitivity",
     "noise_density",
     "bandwidth",
     "lower_corner",
     "lower_order",
+    "transverse",
     "resonance",
 ];
+
+/// The table of the actuators in `[board]`, and its keys with the figures of a data sheet.
+const ACTUATOR: &str = "actuator";
+const DATA_SHEETS: [&str; 2] = ["piezo", "voice_coil"];
+
+/// The keys of actuators that follow from a data sheet.
+const MADE: [&str; 2] = ["gain", "limit"];
 
 /// The tables of `[board]` that may name a sensor.
 pub(super) const KINDS: [&str; 2] = ["accelerometer", "force_sensor"];

@@ -185,7 +185,7 @@ mod tests {
     /// messages depend on it.
     #[test]
     fn every_number_states_its_unit() {
-        const UNITS: [&str; 22] = [
+        const UNITS: [&str; 29] = [
             "m",
             "m²",
             "m⁴",
@@ -206,6 +206,13 @@ mod tests {
             "m/s²",
             "m/s²/√Hz or N/√Hz",
             "rad/m",
+            "m/s",
+            "F",
+            "A",
+            "N/A",
+            "A/V",
+            "m/s²/N",
+            "1/s²",
             "1/s and s",
             "°",
         ];

@@ -19,6 +19,7 @@ pub(super) fn sensor(entry: &str, spec: Option<&SensorEntry>) -> Checked<Option<
         bandwidth: bandwidth(&key("bandwidth"), spec.bandwidth)?,
         lower_corner: lower_corner(entry, spec)?,
         resonance: resonance(entry, spec.resonance)?,
+        transverse: transverse(&key("transverse"), spec.transverse.unwrap_or(0.0))?,
     };
     let peak = sensor.resonance.map(|peak| ("resonance.hz", peak.hz));
     let uppers = [sensor.bandwidth.map(|hz| ("bandwidth", hz)), peak];
@@ -39,6 +40,19 @@ pub(super) fn sensor(entry: &str, spec: Option<&SensorEntry>) -> Checked<Option<
 /// A bandwidth `hz` under the key `entry`, Hz.
 pub(super) fn bandwidth(entry: &str, hz: Option<f64>) -> Checked<Option<f64>> {
     hz.map(|hz| positive(entry, hz, "Hz")).transpose()
+}
+
+/// The largest transverse sensitivity: the sine of 17°.
+const MOST_TRANSVERSE: f64 = 0.3;
+
+fn transverse(entry: &str, part: f64) -> Checked<f64> {
+    let right = (0.0..=MOST_TRANSVERSE).contains(&part);
+    number(
+        entry,
+        part,
+        right,
+        "be 0 to 0.3, a part of an acceleration across the axis",
+    )
 }
 
 fn lower_corner(entry: &str, spec: &SensorEntry) -> Checked<Option<LowerCorner>> {

@@ -67,6 +67,7 @@ fn frame() -> MachineFile {
         bandwidth: None,
         lower_corner: None,
         lower_order: None,
+        transverse: None,
         resonance: None,
     };
     let named = |name: &str, node: &str, axis: usize| (name.to_owned(), direction(node, axis));
@@ -120,6 +121,16 @@ fn frame() -> MachineFile {
         flexible_bodies: Default::default(),
         springs: Default::default(),
         point_masses: Default::default(),
+        loads: [("frame", "frame15", 0), ("lens", "lens15", 2)]
+            .map(|(name, node, axis)| {
+                let load = LoadEntry {
+                    node: node.to_owned(),
+                    direction: direction(node, axis).direction,
+                    moment: false,
+                };
+                (name.to_owned(), load)
+            })
+            .into(),
         profiles: [
             ("leg".to_owned(), profile(8.389e6, 371.0, 5.84)),
             ("block".to_owned(), profile(4.5e7, 3.0e4, 1.0e4)),
@@ -160,6 +171,7 @@ fn frame() -> MachineFile {
             ]
             .into(),
             rotation: None,
+            wave_speed: None,
             spectrum: None,
         },
         performance: PerformanceEntry {
@@ -185,6 +197,7 @@ fn frame() -> MachineFile {
             shapes: None,
             roll_off: None,
             minimise: Minimise::Peaks,
+            penalty: None,
         },
         board: BoardEntry {
             sample_rate: 20e3,
@@ -203,9 +216,9 @@ fn frame() -> MachineFile {
             accelerometer: Some(sensor(20.0, 1e-7)),
             force_sensor: Some(sensor(0.02, 1e-4)),
             actuator: ActuatorEntry {
-                gain: 100.0,
-                limit: 200.0,
-                bandwidth: None,
+                gain: Some(100.0),
+                limit: Some(200.0),
+                ..ActuatorEntry::default()
             },
             gains: GainsEntry::default(),
         },

@@ -1,5 +1,6 @@
 //! From the file's types to a machine: every name resolved, every number checked.
 
+use core::f64::consts::FRAC_1_SQRT_2;
 use core::fmt::Display;
 
 use indexmap::IndexMap;
@@ -9,23 +10,24 @@ use shared::LEGS;
 use shared::codes::{Adc, Dac};
 use shared::table::{ModelDigest, SECTIONS};
 
+use super::actuator::actuator;
 use super::beam_mass::{BeamMass, beam_mass, check_nodes};
 use super::checked::{
-    Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation, Direction,
-    FlexibleBody, GainErrors, Machine, Node, Performance, PointMass, Robustness, Sensor, Spring,
-    Stiffness, Structure, Target, Uncertainty, has_damped_parts,
+    Actuator, Beam, Board, Body, Carrier, ChannelGains, DESIGN_SAMPLES, Damping, Deformation,
+    Direction, FlexibleBody, GainErrors, Load, Machine, Node, Performance, PointMass, Robustness,
+    Sensor, Spring, Stiffness, Structure, Target, Uncertainty, has_damped_parts,
 };
 use super::error::{EntryError, MachineError};
 use super::file::{
     BoardEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind, ForceSensorEntry,
-    GainsEntry, Inertia, Joint, JointEntry, LawName, MachineFile, Minimise, ProfileEntry,
-    RobustnessEntry, RollOff, Rotation, ShapeEntry, Simulation, SpectrumEntry, SupervisionSettings,
-    UncertaintyEntry,
+    GainsEntry, Inertia, Joint, JointEntry, LawName, LoadEntry, MachineFile, Minimise,
+    ProfileEntry, RobustnessEntry, RollOff, Rotation, ShapeEntry, Simulation, SpectrumEntry,
+    SupervisionSettings, UncertaintyEntry,
 };
 use super::flexible::flexible_body;
 use super::limits::{self, Limits};
 use super::names::find;
-use super::sensor::{bandwidth, sensor};
+use super::sensor::sensor;
 use super::source::{Source, has};
 use crate::floor::{Floor, Spectrum};
 
@@ -60,6 +62,7 @@ fn digest(file: &MachineFile, flexible: &[FlexibleBody]) -> ModelDigest {
     let shaken = match file.control.minimise {
         Minimise::Peaks => {
             file.floor.rotation = None;
+            file.floor.wave_speed = None;
             file.floor.spectrum = None;
             None
         }
@@ -184,9 +187,20 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
             .fix("use one of base.nodes"));
         }
     }
-    let rotation = file.floor.rotation.unwrap_or_default();
+    let mut rotation = file.floor.rotation.unwrap_or_default();
     for part in rotation {
         not_negative("floor.rotation", part, "rad/m")?;
+    }
+    if let Some(speed) = file.floor.wave_speed {
+        let slowness = 1.0 / positive("floor.wave_speed", speed, "m/s")?;
+        if file.floor.rotation.is_some() {
+            let message = "rotation and wave_speed exclude each other";
+            return Err(EntryError::new("floor.wave_speed", message).fix("remove one of them"));
+        }
+        // A slope is the rate over the speed; half of a horizontal one is a rotation. Waves from all
+        // directions have half their power in each.
+        let rocking = FRAC_1_SQRT_2 * slowness;
+        rotation = [rocking, rocking, 0.5 * slowness];
     }
 
     let spectrum = file.floor.spectrum.as_ref().map(spectrum).transpose()?;
@@ -208,6 +222,7 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
                 .fix("give deformations or accelerations"),
         );
     }
+    let loads = loads(&file.loads, &names)?;
     let mut bands = Vec::new();
     for (name, &[low, high]) in &file.performance.bands {
         let entry = format!("performance.bands.{name}");
@@ -248,11 +263,15 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         }
         _ => {}
     }
-    let board = board(&file.board, target.feedback)?;
+    let legs = actuators.map(|beam| &structure.beams[beam]);
+    let board = board(&file.board, target.feedback, legs)?;
     let shapes = shapes(&file.control, board.sample_rate)?;
     supervision(&file.supervision, board.sample_rate)?;
     simulation(&file.simulation, board.sample_rate)?;
-    let robustness = robustness(&file.robustness, bodies, &names, &actuators)?;
+    let mut robustness = robustness(&file.robustness, bodies, &names, &actuators)?;
+    // What a sensor reads across its axis turns the direction that it reads along.
+    let across = board.accelerometer.as_ref();
+    robustness.misalignment += across.map_or(0.0, |sensor| sensor.transverse.atan());
     let uncertainty = uncertainty(&file.uncertainty)?;
 
     if !file.provenance.is_empty() {
@@ -278,8 +297,10 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         force_sensors,
         floor,
         rotation: Vector3::from(rotation),
+        waves: file.floor.wave_speed.is_some(),
         spectrum,
         performance,
+        loads,
         bands,
         exposure,
         target,
@@ -679,6 +700,7 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                 released: released(&entry, spec.joints.as_ref())?,
                 loss_factor: not_negative(&format!("{source}.loss_factor"), profile.loss_factor.unwrap_or(0.0), "")?,
                 damper: not_negative(&format!("{source}.damper"), profile.damper.unwrap_or(0.0), "N s/m")?,
+                preload: number(&format!("{entry}.preload"), spec.preload.unwrap_or(0.0), true, "")?,
                 axes: axes(&entry, "the beam", along / length, spec.y_axis.as_ref())?,
                 length,
             })
@@ -873,6 +895,17 @@ fn target(control: &ControlEntry) -> Checked<Target> {
         })
     });
     let roll_off = roll_off.transpose()?;
+    if let Some(penalty) = control.penalty {
+        not_negative("control.penalty.force", penalty.force, "m/s²/N")?;
+        not_negative("control.penalty.stroke", penalty.stroke, "1/s²")?;
+        if control.minimise != Minimise::Rms {
+            return Err(EntryError::new(
+                "control.penalty",
+                "only an rms can have a penalty on forces and strokes",
+            )
+            .fix("set control.minimise = \"rms\", or remove penalty"));
+        }
+    }
     if control.feedback == FeedbackKind::Both && control.law == LawName::Direct {
         return Err(EntryError::new(
             "control.law",
@@ -887,6 +920,7 @@ fn target(control: &ControlEntry) -> Checked<Target> {
         roll_off,
         law: control.law,
         minimise: control.minimise,
+        penalty: control.penalty,
     })
 }
 
@@ -953,7 +987,7 @@ fn shapes(control: &ControlEntry, sample_rate: f64) -> Checked<Option<[ShapeEntr
     Ok(Some(six))
 }
 
-fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
+fn board(spec: &BoardEntry, feedback: FeedbackKind, legs: [&Beam; LEGS]) -> Checked<Board> {
     let accelerometer = sensor("board.accelerometer", spec.accelerometer.as_ref())?;
     let force_sensor = sensor("board.force_sensor", spec.force_sensor.as_ref())?;
     let there = |sensor: &Option<Sensor>, name| {
@@ -994,12 +1028,20 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         let message = "range must be at least 1e-6 V wide";
         return Err(EntryError::new("board.dac.range", message));
     }
-    let gain = not_zero("board.actuator.gain", spec.actuator.gain)?;
-    let gains = gains(&spec.gains, feedback)?;
-    let limit = positive("board.actuator.limit", spec.actuator.limit, "N")?;
+    let Actuator {
+        gain,
+        shares,
+        limit,
+        bandwidth,
+        piezo,
+    } = actuator(&spec.actuator, legs, &dac)?;
+    let mut gains = gains(&spec.gains, feedback)?;
+    for (gain, share) in gains.actuators.iter_mut().zip(shares) {
+        *gain *= share;
+    }
     let least = gains.actuators.into_iter().fold(f64::INFINITY, f64::min);
     let reach = dac.reach(gain * least);
-    if limit > reach {
+    if spec.actuator.limit.is_some() && limit > reach {
         return Err(EntryError::new(
             "board.actuator.limit",
             format!(
@@ -1021,8 +1063,9 @@ fn board(spec: &BoardEntry, feedback: FeedbackKind) -> Checked<Board> {
         force_sensor,
         gains,
         actuator_gain: gain,
-        actuator_bandwidth: bandwidth("board.actuator.bandwidth", spec.actuator.bandwidth)?,
-        force_limit: limit,
+        actuator_bandwidth: bandwidth,
+        force_limit: limit.min(reach),
+        piezo,
     };
     // More would mean hundreds of controller states for no real board.
     if board.latch_delay > 8.0 * board.period() {
@@ -1118,6 +1161,38 @@ fn supervision(s: &SupervisionSettings, sample_rate: f64) -> Checked<()> {
     at_least_one("supervision.grown", s.grown as usize)?;
     at_least_one("supervision.strange", s.strange as usize)?;
     at_least_one("supervision.spikes", s.spikes as usize)
+}
+
+fn loads(specs: &IndexMap<String, LoadEntry>, names: &Names) -> Checked<Vec<Load>> {
+    if specs.len() > LEGS {
+        return Err(EntryError::new(
+            "loads",
+            format!("{} loads are given; there may be six", specs.len()),
+        )
+        .fix("leave some away, or give them in another file that is based on this one"));
+    }
+    let direction = |spec: &LoadEntry| DirectionEntry {
+        node: spec.node.clone(),
+        direction: spec.direction,
+    };
+    let directions = specs
+        .iter()
+        .map(|(name, spec)| (name.clone(), direction(spec)));
+    let all = names.directions("loads", &directions.collect())?;
+    for at in &all {
+        let node = &names.nodes[at.node];
+        if node.carrier == Carrier::Base {
+            let message = format!(
+                "node \"{}\" moves with the base, which does not yield",
+                node.name
+            );
+            return Err(EntryError::new(format!("loads.{}.node", at.name), message)
+                .fix("choose a node of the machine"));
+        }
+    }
+    let moments = specs.values().map(|spec| spec.moment);
+    let load = |(at, moment)| Load { at, moment };
+    Ok(all.into_iter().zip(moments).map(load).collect())
 }
 
 fn spectrum(entry: &SpectrumEntry) -> Checked<Floor> {

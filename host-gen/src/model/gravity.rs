@@ -1,7 +1,7 @@
-//! Gravity: static loads of beams and springs, and the resulting geometric stiffness.
+//! Gravity and preload: static loads of beams and springs, and the resulting geometric stiffness.
 //!
-//! The nodes of the machine file are the equilibrium under gravity: the loads balance the weight
-//! there. A load changes the stiffness in two ways. Forces and moments in a beam act through its
+//! The nodes of the machine file are the equilibrium: the loads of beams and springs balance the weight
+//! and what beams are built in with there. A load changes the stiffness in two ways. Forces and moments in a beam act through its
 //! deformations to second order: an axial force N, tension positive, adds 6N/(5L) against lateral
 //! motion if both ends are clamped, and bending moments couple twist and lateral bending. And a
 //! body that rotates moves the points at which forces act on it. A flexible body does so with its
@@ -25,16 +25,17 @@ use super::layout::{Follow, Layout, Owner, Point};
 use super::spring;
 use crate::machine::{Beam, Carrier, Structure};
 
-/// Static loads under gravity and their geometric stiffness.
+/// Static loads under gravity and preload, and their geometric stiffness.
 #[derive(Clone, Debug, Default)]
 pub struct Statics {
     /// Axial force of each beam, in the order of the machine's beams, N, tension positive: its mean
-    /// over the length, if the beam has mass. Empty without gravity.
+    /// over the length, if the beam has mass. Empty without gravity and preload.
     pub axial: Vec<f64>,
     /// For each beam, in the order of the machine's beams, whether it buckles between its ends
-    /// under its axial force and its moments. Empty without gravity.
+    /// under its axial force and its moments. Empty without gravity and preload.
     pub buckled: Vec<bool>,
-    /// Geometric stiffness in the N coordinates, N×N, N/m, N and N m. Empty without gravity.
+    /// Geometric stiffness in the N coordinates, N×N, N/m, N and N m. Empty without gravity and
+    /// preload.
     pub geometric: DMatrix<f64>,
 }
 
@@ -64,7 +65,7 @@ pub fn buckling_load(beam: &Beam) -> Option<f64> {
 }
 
 impl Statics {
-    /// The loads of `machine` under its gravity, from its static displacement `sag` in its
+    /// The loads of `machine` under its gravity and preload, from its static displacement `sag` in its
     /// coordinates.
     ///
     /// Each element of a beam is loaded by its own deformation. Its weight acts on its ends, as
@@ -99,12 +100,13 @@ impl Statics {
         };
         for (i, beam) in machine.beams.iter().enumerate() {
             let whole = deformations(beam, &layout.ends(machine, i), size) * sag;
-            axial.push((deformation_stiffness(beam) * whole)[0]);
+            axial.push((deformation_stiffness(beam) * whole)[0] + beam.preload);
             let points = layout.along(machine, i);
             let mut holds = true;
             for (part, ends) in beam.elements().zip(points.windows(2)) {
                 let deformation = deformations(&part, ends, size) * sag;
-                let stress = deformation_stiffness(&part) * &deformation;
+                let mut stress = deformation_stiffness(&part) * &deformation;
+                stress[0] += part.preload;
                 let motions = motions(ends, size);
                 let (of_ends, part_holds) = beam_geometric(&part, &stress);
                 geometric += motions.transpose() * of_ends * &motions;
@@ -360,6 +362,7 @@ mod tests {
             released: [[false; 3]; 2],
             loss_factor: 0.0,
             damper: 0.0,
+            preload: 0.0,
             axes: Matrix3::identity(),
             length,
         };

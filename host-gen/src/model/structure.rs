@@ -31,7 +31,7 @@ pub struct StructureModel {
     /// K of Eq. (1), N×N, N/m, N and N m: elastic, with that of springs of negative stiffness, plus
     /// the geometric stiffness under gravity.
     pub stiffness: DMatrix<f64>,
-    /// Static loads under gravity and their geometric stiffness; empty without gravity.
+    /// Static loads under gravity and preload, and their geometric stiffness; empty without both.
     pub statics: Statics,
     /// Dampers along beams and in springs, and modal damping of flexible bodies, N×N, N s/m, N s and
     /// N m s.
@@ -329,8 +329,11 @@ impl StructureModel {
         self.hold_turns(machine)?;
         self.eigen = self.natural();
         let free = self.free(&lengths);
-        let gravity = machine.gravity.norm();
-        if gravity == 0.0 {
+        let preload = machine.beams.iter().map(|beam| beam.preload.abs());
+        let preload = preload.fold(0.0, f64::max);
+        // What loads the machine, as an acceleration of all of it.
+        let loading = machine.gravity.norm() + preload / self.heaviest();
+        if loading == 0.0 {
             return match free.first() {
                 Some(&i) => Err(EntryError::new(
                     self.owner_of(i).entry(machine),
@@ -348,7 +351,7 @@ impl StructureModel {
         self.stiffness += &self.statics.geometric;
         self.hold_turns(machine)?;
         self.eigen = self.natural();
-        let slow = 1e-6 * gravity / reach(machine);
+        let slow = 1e-6 * loading / reach(machine);
         let mut free = self.free(&lengths).into_iter();
         let free = free.find(|&i| self.eigen.0[i].abs() < slow);
         match free {
@@ -460,7 +463,15 @@ impl StructureModel {
         self.layout.owners()[heaviest.unwrap_or(0)]
     }
 
-    /// The static displacement x under gravity, N, of the elastic machine; none
+    /// The largest mass of a translation, kg.
+    fn heaviest(&self) -> f64 {
+        let diagonal = self.mass.diagonal();
+        let translations = diagonal.iter().enumerate();
+        let translations = translations.filter(|(i, _)| i % 6 < 3);
+        translations.map(|(_, mass)| *mass).fold(0.0, f64::max)
+    }
+
+    /// The static displacement x under gravity and preload, N, of the elastic machine; none
     /// along the `free` modes.
     fn sag(&self, machine: &Structure, free: &[usize]) -> Result<DVector<f64>, EntryError> {
         let (squares, shapes) = &self.eigen;
@@ -469,6 +480,13 @@ impl StructureModel {
         let mut weight = &self.mass * (&self.ride * falls);
         if let Some(footing) = &self.footing {
             weight += footing * falls;
+        }
+        for (i, beam) in machine.beams.iter().enumerate() {
+            if beam.preload != 0.0 {
+                let size = self.layout.size();
+                let elongation = deformations(beam, &self.layout.ends(machine, i), size);
+                weight -= elongation.row(0).transpose() * beam.preload;
+            }
         }
         let push = shapes.transpose() * weight;
         let mut sag = DVector::zeros(shapes.nrows());
@@ -626,15 +644,28 @@ impl StructureModel {
     /// The sum of both parts is the absolute translation.
     pub fn direction(&self, machine: &Structure, d: &Direction) -> (DVector<f64>, RowVector6<f64>) {
         let node = &machine.nodes[d.node];
+        let relative = self.motion(d, 0);
+        let ride = d.direction.transpose() * transport(&node.at, &self.centre).fixed_rows::<3>(0);
+        (relative, ride)
+    }
+
+    /// The rotation of a node relative to the base about an axis, rad, as a row of N entries from x:
+    /// zero for a base node.
+    pub(crate) fn rotation(&self, d: &Direction) -> DVector<f64> {
+        self.motion(d, 3)
+    }
+
+    /// The motion of a node relative to the base along or about a direction, as a row of N entries
+    /// from x; `first` is that of the node's coordinates, 0 for translations, 3 for rotations.
+    fn motion(&self, d: &Direction, first: usize) -> DVector<f64> {
         let mut relative = DVector::zeros(self.mass.nrows());
         if let Some(follow) = self.layout.node(d.node).follow {
-            let row = d.direction.transpose() * follow.map.fixed_rows::<3>(0);
+            let row = d.direction.transpose() * follow.map.fixed_rows::<3>(first);
             relative
                 .rows_mut(follow.first, 6)
                 .copy_from(&row.transpose());
         }
-        let ride = d.direction.transpose() * transport(&node.at, &self.centre).fixed_rows::<3>(0);
-        (relative, ride)
+        relative
     }
 
     /// The translation of a node relative to the base, m, for a motion x of the machine, N.

@@ -7,6 +7,7 @@
 //! Eq. (6) of the paper has the inputs in one order in B and in the other in u. Here the floor
 //! always comes first, as in Fig. 4.
 
+use core::f64::consts::TAU;
 use core::ops::Range;
 
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, MatrixXx6};
@@ -15,7 +16,9 @@ use shared::LEGS;
 use super::partial_fractions::PlantPole;
 use super::response::{Gain, Response, Terms, continuous, contour};
 use super::state_space::{INPUTS, Outputs, StateSpace};
-use crate::machine::{EntryError, FeedbackKind, Machine, MachineError, Performance};
+use crate::machine::{
+    Direction, EntryError, FeedbackKind, Load, Machine, MachineError, Performance,
+};
 use crate::model::design_model::DesignModel;
 use crate::model::multibody::Multibody;
 use crate::model::structure::Modes;
@@ -39,8 +42,12 @@ pub struct Plant {
     /// frequency.
     pub rigid_floor: Matrix6<f64>,
     /// Floor accelerations, m/s², that the independent motions of the base make, as columns, 6×6:
-    /// 1 m/s² along x, y and z, and the rotations that go with it, as [`Multibody::rigid_base`].
+    /// 1 m/s² along x, y and z, and the rotations that go with it, as [`Multibody::rigid_base`]. Of a
+    /// loaded plant, its loads: the identity.
     pub base: Matrix6<f64>,
+    /// Whether the rotations in [`base`](Self::base) go with the rates of the translations, 1 m/s³,
+    /// as waves in the ground make them.
+    pub(crate) waves: bool,
 }
 
 impl Plant {
@@ -57,18 +64,42 @@ impl Plant {
         model: &Multibody,
         design: &DesignModel,
     ) -> Result<Self, MachineError> {
+        Self::build(machine, model, design, false)
+    }
+
+    /// The plant on a floor at rest, moved by the loads of the machine: its first six inputs are the
+    /// loads, N or N m, and zero beyond their number; its performance outputs are displacements, m,
+    /// those of [`Plant::new`], then the motion of each load's node along or about it, m or rad.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn loaded(
+        machine: &Machine,
+        model: &Multibody,
+        design: &DesignModel,
+    ) -> Result<Self, MachineError> {
+        Self::build(machine, model, design, true)
+    }
+
+    fn build(
+        machine: &Machine,
+        model: &Multibody,
+        design: &DesignModel,
+        loaded: bool,
+    ) -> Result<Self, MachineError> {
         let modes = model.modes();
         let n = modes.squares.len();
         let shapes = &modes.shapes;
         let floor_inverse = model.floor_inverse();
-        let floor = model.momentum(&-shapes.transpose()) * floor_inverse;
+        let mut floor = model.momentum(&-shapes.transpose()) * floor_inverse;
         let mut actuators = shapes.transpose() * model.elongations.transpose();
 
         let sensors = match design.feedback {
             FeedbackKind::Acceleration | FeedbackKind::Force => LEGS,
             FeedbackKind::Both => 2 * LEGS,
         };
-        let count = machine.performance.len();
+        let loads = if loaded { &machine.loads[..] } else { &[] };
+        let count = machine.performance.len() + loads.len();
         // Gains that the controller does not know.
         let errors = &machine.gain_errors;
         for (mut column, error) in actuators.column_iter_mut().zip(errors.actuators) {
@@ -87,6 +118,13 @@ impl Plant {
                 out.floor
                     .row_mut(i)
                     .copy_from(&(ride * floor_inverse * gain));
+                // Turned by θ, it reads along d + θ×d what a − g is there: −(θ×d)·g more.
+                let tilt = Direction {
+                    direction: machine.gravity.cross(&sensor.direction),
+                    ..sensor.clone()
+                };
+                let row = model.rotation(&tilt).transpose() * shapes;
+                out.displacement.row_mut(i).copy_from(&(row * gain));
             }
         }
         if design.feedback != FeedbackKind::Acceleration {
@@ -159,6 +197,27 @@ impl Plant {
             out.floor.row_mut(at).copy_from(&(ride * floor_inverse));
         }
 
+        if loaded {
+            floor.fill(0.0);
+            out.floor.fill(0.0);
+            let displaced = out.acceleration.rows(sensors, count).into_owned();
+            out.displacement
+                .rows_mut(sensors, count)
+                .copy_from(&displaced);
+            out.acceleration.rows_mut(sensors, count).fill(0.0);
+            for (i, Load { at, moment }) in loads.iter().enumerate() {
+                let motion = if *moment {
+                    model.rotation(at)
+                } else {
+                    model.direction(machine, at).0
+                };
+                let row = motion.transpose() * shapes;
+                floor.column_mut(i).copy_from(&row.transpose());
+                let own = sensors + machine.performance.len() + i;
+                out.displacement.row_mut(own).copy_from(&row);
+            }
+        }
+
         let Modes {
             squares, damping, ..
         } = &modes;
@@ -193,7 +252,12 @@ impl Plant {
             sensors,
             performance: count,
             rigid_floor: model.floor * rigid_modes,
-            base: model.rigid_base(machine),
+            base: if loaded {
+                Matrix6::identity()
+            } else {
+                model.rigid_base(machine)
+            },
+            waves: machine.waves && !loaded,
         })
     }
 
@@ -231,7 +295,7 @@ impl Plant {
         0..self.sensors
     }
 
-    /// Output rows of the performance accelerations, m/s².
+    /// Output rows of the performance accelerations, m/s²; of a loaded plant, displacements.
     pub fn performance(&self) -> Range<usize> {
         self.sensors..self.sensors + self.performance
     }
@@ -272,6 +336,22 @@ impl Plant {
             sensors: self.sensors,
             at_pole,
         }
+    }
+
+    /// [`base`](Self::base) for motions of 1 m/s² at `hz`, Hz.
+    pub(crate) fn base_at(&self, hz: f64) -> Matrix6<f64> {
+        let mut base = self.base;
+        if self.waves {
+            let mut rotations = base.columns_mut(3, 3);
+            rotations *= TAU * hz;
+        }
+        base
+    }
+
+    /// The gains from the first six inputs to the output `rows` at rest, at 0 Hz, without control.
+    pub fn at_rest(&self, rows: Range<usize>) -> MatrixXx6<f64> {
+        let value = self.slow[0].fixed_columns::<LEGS>(0);
+        value.rows_range(rows).into_owned()
     }
 
     /// The gains from the floor accelerations, m/s², to the output `rows` at `hz`, Hz, without

@@ -10,10 +10,10 @@ use crate::machine::Simulation;
 pub(super) enum BaseMotion {
     /// Noise in a band.
     Noise(Box<BandNoise>),
-    /// A record, again and again.
+    /// What was recorded, again and again.
     Recorded {
-        /// Accelerations along x, y and z, m/s².
-        samples: Vec<[f64; 3]>,
+        /// The six motions.
+        samples: Vec<[f64; 6]>,
         next: usize,
     },
 }
@@ -26,20 +26,22 @@ impl BaseMotion {
     pub(super) fn recorded(record: &Record, period: f64) -> Self {
         let [x, y, z] = record.accelerations(1.0 / period);
         let axes = x.into_iter().zip(y).zip(z);
-        Self::Recorded {
-            samples: axes.map(|((x, y), z)| [x, y, z]).collect(),
-            next: 0,
-        }
+        // A record has no rotations.
+        Self::given(axes.map(|((x, y), z)| [x, y, z, 0.0, 0.0, 0.0]).collect())
     }
 
-    /// The base's six motions, as columns of the plant's base, m/s². A record has no rotations.
+    pub(super) fn given(samples: Vec<[f64; 6]>) -> Self {
+        Self::Recorded { samples, next: 0 }
+    }
+
+    /// The base's six motions, as columns of the plant's base, m/s²; of a loaded plant, its loads.
     pub(super) fn sample(&mut self) -> [f64; 6] {
         match self {
             Self::Noise(noise) => noise.sample(),
             Self::Recorded { samples, next } => {
-                let [x, y, z] = samples[*next];
+                let sample = samples[*next];
                 *next = (*next + 1) % samples.len();
-                [x, y, z, 0.0, 0.0, 0.0]
+                sample
             }
         }
     }

@@ -3,7 +3,7 @@
 use core::ops::Range;
 use std::collections::VecDeque;
 
-use nalgebra::{Complex, DMatrix, DVectorView, Vector6};
+use nalgebra::{Complex, DMatrix, DVectorView, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -12,6 +12,7 @@ use shared::codes::{AdcCode, DacCode, Samples};
 
 use super::base_motion::BaseMotion;
 use super::blocks::{BLOCK, Blocks};
+use super::piezo::Stacks;
 use super::shaped_noise::ShapedNoise;
 use crate::floor::Record;
 use crate::machine::{Board, Machine, Sensor, Simulation};
@@ -75,7 +76,11 @@ pub struct Rig {
     /// Forces latched or on their way, the latest first.
     forces: VecDeque<[f64; LEGS]>,
     base_motion: BaseMotion,
+    /// What rotates the base, at the last sample, if waves do, m/s².
+    waves: Vector3<f64>,
     kinds: Vec<Kind>,
+    /// What the piezo stacks do that is not linear.
+    stacks: Option<Stacks>,
     sensor_noise: ChaCha8Rng,
     output_noise: ChaCha8Rng,
     /// Acceleration of the floor inputs now and at the next sample, m/s².
@@ -157,10 +162,15 @@ impl Rig {
             within,
             forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
             base_motion: BaseMotion::noise(settings, plant.period, stream(0)),
+            waves: Vector3::zeros(),
             kinds: (0..)
                 .zip(board.fed_back().zip(board.gains.sensors))
                 .map(kind)
                 .collect(),
+            stacks: board
+                .piezo
+                .as_ref()
+                .map(|piezo| Stacks::new(piezo, plant.period)),
             sensor_noise: stream(1),
             output_noise: stream(2),
             floor: [[0.0; LEGS]; 2],
@@ -177,6 +187,13 @@ impl Rig {
         self
     }
 
+    /// The same machine moved by these `inputs` of its plant's base, one for each sample, in place of
+    /// noise.
+    pub(super) fn driven(mut self, inputs: Vec<[f64; LEGS]>) -> Self {
+        self.base_motion = BaseMotion::given(inputs);
+        self
+    }
+
     /// The simulated plant.
     pub fn plant(&self) -> &SampledPlant {
         &self.plant
@@ -184,7 +201,13 @@ impl Rig {
 
     /// Advances the floor to the next sampling instant and returns the ADC codes.
     pub fn sample(&mut self) -> Samples {
-        let motion = Vector6::from(self.base_motion.sample());
+        let mut motion = Vector6::from(self.base_motion.sample());
+        if self.plant.plant.waves {
+            let now = motion.fixed_rows::<3>(3).into_owned();
+            let rates = (now - self.waves) / self.plant.period;
+            motion.fixed_rows_mut::<3>(3).copy_from(&rates);
+            self.waves = now;
+        }
         let next = self.plant.plant.base * motion * self.floor_gain;
         self.floor = [self.floor[1], next.into()];
         let seen = self.forces[self.plant.whole_periods];
@@ -218,11 +241,14 @@ impl Rig {
     /// period, m/s².
     pub fn advance(&mut self, dac: [DacCode; LEGS]) -> DVectorView<'_, f64> {
         let board = &self.board;
-        let force = core::array::from_fn(|leg| {
+        let mut force = core::array::from_fn(|leg| {
             let normal: f64 = StandardNormal.sample(&mut self.output_noise);
             let gain = board.actuator_gain * board.gains.actuators[leg];
             board.dac.force(dac[leg], gain) + board.dac_noise * normal * gain
         });
+        if let Some(stacks) = &mut self.stacks {
+            force = stacks.advance(force);
+        }
         self.forces.pop_back();
         self.forces.push_front(force);
         let late = self.plant.whole_periods;

@@ -1,6 +1,7 @@
 //! Everything about the library that takes more than one of its modules, in one program:
 //! machines, searches and reports that several tests look at are made once.
 
+mod actuators;
 mod analysis;
 mod bad_files;
 mod beams_with_mass;
@@ -12,6 +13,7 @@ mod flexible_bodies;
 mod identification;
 mod kept_searches;
 mod link_without_answer;
+mod loads;
 mod measuring_amplitude;
 mod metrology_frame;
 mod modal_law;

@@ -162,3 +162,127 @@ fn mistakes_are_named() {
     assert!(error.message().contains("can move"), "{error}");
     assert!(error.place().is_some(), "{error}");
 }
+
+/// A mass between two strings: across them it swings on their tension alone, ω² = 2T/(Lm).
+#[test]
+fn a_mass_on_strings_swings_on_their_tension() {
+    let (tension, length, mass) = (120.0, 0.4, 2.0);
+    let text = format!(
+        r#"
+format = 1
+name = "strings"
+[nodes]
+left = [-{length}, 0.0, 0.0]
+right = [{length}, 0.0, 0.0]
+below = [0.0, 0.0, 0.0]
+bob = [0.0, 0.0, 0.0]
+[base]
+nodes = ["left", "right", "below"]
+[free]
+nodes = ["bob"]
+[point_masses]
+weight = {{ node = "bob", mass = {mass:?}, inertia = [0.01, 0.01, 0.01] }}
+[springs.turning]
+nodes = ["below", "bob"]
+rotational_stiffness = [1e5, 1e5, 1e5]
+[profiles.string]
+axial = 1e6
+bending = [0.0, 0.0]
+torsion = 0.0
+[beams]
+one = {{ nodes = ["left", "bob"], profile = "string", preload = {tension:?} }}
+two = {{ nodes = ["right", "bob"], profile = "string", preload = {tension:?} }}
+"#
+    );
+    let structure = passive(&text).unwrap().unwrap();
+    let model = StructureModel::new(&structure).unwrap();
+    assert!(
+        model
+            .statics
+            .axial
+            .iter()
+            .all(|force| (force / tension - 1.0).abs() < 1e-12)
+    );
+    let squares = model.modes().squares;
+    let expected = 2.0 * tension / (length * mass);
+    for i in 0..2 {
+        assert!(
+            (squares[i] / expected - 1.0).abs() < 1e-9,
+            "{} {expected}",
+            squares[i]
+        );
+    }
+    assert!((squares[2] / (2.0 * 1e6 / mass) - 1.0).abs() < 1e-9);
+    // Without tension nothing holds it across.
+    let slack = text.replace(&format!("preload = {tension:?}"), "preload = 0.0");
+    let slack = passive(&slack).unwrap().unwrap();
+    let error = StructureModel::new(&slack).unwrap_err();
+    assert!(
+        error.message().contains("can move without deforming"),
+        "{error}"
+    );
+    // Under pressure it falls over.
+    let pushed = text.replace(&format!("preload = {tension:?}"), "preload = -120.0");
+    let model = StructureModel::new(&passive(&pushed).unwrap().unwrap()).unwrap();
+    assert!((model.modes().squares[0] / -expected - 1.0).abs() < 1e-9);
+}
+
+/// A string keeps of its preload what the spring at its end leaves, T·k/(k + EA/L); and it swings at
+/// n/2L·√(T/μ), raised by its bending stiffness as Fletcher's formula for clamped ends says.
+#[test]
+fn a_stiff_string_swings_as_its_tension_says() {
+    let (preload, length, mass, axial) = (4000.0_f64, 1.0_f64, 0.05_f64, 1e6_f64);
+    let spring = 3e6_f64;
+    let kept = preload * spring / (spring + axial);
+    let slenderness = 0.01_f64;
+    let bending = slenderness * slenderness * kept * length;
+    let text = format!(
+        r#"
+format = 1
+name = "string"
+[nodes]
+wall = [0.0, 0.0, 0.0]
+end = [{length:?}, 0.0, 0.0]
+other = [{length:?}, 0.0, 0.0]
+[base]
+nodes = ["wall", "other"]
+[free]
+nodes = ["end"]
+[point_masses]
+clamp = {{ node = "end", mass = 100.0, inertia = [1.0, 1.0, 1.0] }}
+[springs.clamp]
+nodes = ["end", "other"]
+stiffness = [{spring:?}, 1e12, 1e12]
+rotational_stiffness = [1e11, 1e11, 1e11]
+[beams.string]
+nodes = ["wall", "end"]
+preload = {preload:?}
+stiffness = {{ axial = {axial:?}, bending = [{bending:?}, {bending:?}], torsion = 50.0, mass = {mass:?}, segments = 60 }}
+"#
+    );
+    let structure = passive(&text).unwrap().unwrap();
+    let model = StructureModel::new(&structure).unwrap();
+    assert!(
+        (model.statics.axial[0] / kept - 1.0).abs() < 1e-9,
+        "{}",
+        model.statics.axial[0]
+    );
+    let hertz: Vec<f64> = model
+        .modes()
+        .squares
+        .iter()
+        .map(|w| w.sqrt() / TAU)
+        .collect();
+    for n in 1..=4 {
+        let order = f64::from(n);
+        let taut = order / (2.0 * length) * (kept * length / mass).sqrt();
+        let second = 4.0 + 0.5 * (order * std::f64::consts::PI).powi(2);
+        let expected = taut * (1.0 + 2.0 * slenderness + second * slenderness * slenderness);
+        // Both planes.
+        let near = hertz
+            .iter()
+            .filter(|hz| (*hz / expected - 1.0).abs() < 2e-4)
+            .count();
+        assert_eq!(near, 2, "{expected} Hz in {:?}", &hertz[..12]);
+    }
+}

@@ -360,6 +360,93 @@ fn a_base_rotates_only_as_the_file_says() {
     }
 }
 
+/// Waves tilt the base by the rate of the floor's vertical acceleration over their speed: as much as
+/// a constant ratio of rotation, where 2πf over the speed and √2 is that ratio. In time, too.
+#[test]
+fn waves_rotate_the_base_more_at_high_frequencies() {
+    let floor = Floor::Criterion(Criterion::VcC);
+    for hz in [1.0, 8.0] {
+        let ratio = 2.0;
+        let speed = TAU * hz / (2f64.sqrt() * ratio);
+        let about = 0.5 * ratio * 2f64.sqrt();
+        let of = |key: &str, value: String| {
+            let study = study(&edited(&[(key, &value)]));
+            let open = open(&study, &floor, [0.99 * hz, 1.01 * hz]);
+            [0, 1, 2].map(|axis| open.power(&open.frame[axis])[0])
+        };
+        let waves = of("floor.wave_speed", format!("{speed:?}"));
+        let ratios = of(
+            "floor.rotation",
+            format!("[{ratio:?}, {ratio:?}, {about:?}]"),
+        );
+        for (a, b) in waves.iter().zip(ratios) {
+            assert!((a / b - 1.0).abs() < 1e-3, "{a:e} {b:e} at {hz} Hz");
+        }
+    }
+    // The simulated floor lies between 4 and 8 Hz: the rms of the rotations' effect in time against
+    // the budget's.
+    let edits = [
+        ("floor.wave_speed", "30.0"),
+        ("simulation.floor_band", "[4.0, 8.0]"),
+        ("simulation.duration", "120.0"),
+        ("performance.deformations", "[]"),
+        (
+            "performance.accelerations",
+            "{ x = { node = \"n3\", direction = [1.0, 0.0, 0.0] }, y = { node = \"n3\", direction = [0.0, 1.0, 0.0] } }",
+        ),
+        ("performance.bands", "{}"),
+    ];
+    // The filters of the simulated floor are not sharp, and the rate rises with frequency: the
+    // budget's floor has their spectrum.
+    let shape = |hz: f64| {
+        let (low, high) = ((hz / 4.0).powi(4), (hz / 8.0).powi(4));
+        (low / (1.0 + low) / (1.0 + high)).sqrt()
+    };
+    let hertz: Vec<f64> = (0..600)
+        .map(|i| 0.3 * 2e3_f64.powf(f64::from(i) / 599.0))
+        .collect();
+    let power: f64 = hertz
+        .windows(2)
+        .map(|pair| 0.5 * (pair[1] - pair[0]) * (shape(pair[0]).powi(2) + shape(pair[1]).powi(2)))
+        .sum();
+    let (study, safe, _) = looped(&edited(&edits));
+    let machine = study.machine();
+    let scale = machine.simulation.floor_rms / power.sqrt();
+    let points = hertz
+        .iter()
+        .map(|hz| format!("{hz} {:e}\n", scale * shape(*hz)));
+    let floor = table(&points.collect::<String>());
+    let run = |study: &Study| {
+        let settings = &study.machine().simulation;
+        run(study.plant(), &machine.board, settings, safe, false).rms
+    };
+    let rms = |study: &Study| {
+        let budget = budget(
+            study.plant(),
+            &machine.board,
+            None,
+            &floor,
+            [0.3, 600.0],
+            None,
+        )
+        .unwrap();
+        [0, 1].map(|i| budget.power(&budget.performance[i])[0].sqrt())
+    };
+    let still = crate::common::study(&edited(&edits[1..]));
+    let (waves, without) = (rms(study), rms(&still));
+    for (i, found) in run(study).iter().enumerate() {
+        assert!(waves[i] > 1.1 * without[i], "{} {}", waves[i], without[i]);
+        // A minute of a resonance that is 0.14 Hz wide.
+        assert!((found / waves[i] - 1.0).abs() < 0.1, "{found} {}", waves[i]);
+    }
+    let both = [
+        ("floor.wave_speed", "300.0"),
+        ("floor.rotation", "[0.0, 0.0, 0.1]"),
+    ];
+    let error = parse(&edited(&both)).unwrap_err();
+    assert!(error.message().contains("exclude each other"), "{error}");
+}
+
 /// A spectrum in the file is that of a criterion or has points, and is checked like a file of
 /// points.
 #[test]

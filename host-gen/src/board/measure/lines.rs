@@ -421,7 +421,7 @@ impl Response {
             closed: law.is_some(),
             forces,
             sensors: plant * forces,
-            floor: floor * study.plant().plant.base.map(Complex::from),
+            floor: floor * study.plant().plant.base_at(hz).map(Complex::from),
             weight: about_mean(hz, window),
         }
     }

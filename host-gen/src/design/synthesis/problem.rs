@@ -520,7 +520,7 @@ mod tests {
     use crate::design::Study;
     use crate::design::synthesis::Synthesis;
     use crate::floor::{Criterion, Floor};
-    use crate::machine::{Machine, Minimise, RollOff};
+    use crate::machine::{Machine, Minimise, Penalty, RollOff};
     use crate::numeric::frequencies::pole_peaks;
 
     /// The gradient against differences of the cost, and the curvature of the levels against
@@ -663,10 +663,11 @@ mod tests {
 
     /// The mean square against that of the noise budget, which knows no modal coordinates and finds
     /// its frequencies from the poles of the loop, not of the plant.
-    fn check_mean_square<const K: usize>(file: &str, minimise: Minimise) {
+    fn check_mean_square<const K: usize>(file: &str, minimise: Minimise, penalty: Penalty) {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
         let mut machine = Machine::load(&path.join(file)).unwrap();
         machine.target.minimise = minimise;
+        machine.target.penalty = Some(penalty);
         machine.exposure = Some(0.03);
         machine.spectrum = Some(Floor::Criterion(Criterion::VcE));
         let study = Study::new(machine).unwrap();
@@ -718,7 +719,24 @@ mod tests {
             .performance
             .iter()
             .map(|of| budget.measured(of, measure));
-        let expected: f64 = powers.flatten().sum();
+        let cost = |legs: &[Vec<_>], cost: f64| {
+            let powers = legs.iter().flat_map(|leg| budget.power(leg));
+            cost * cost * powers.sum::<f64>()
+        };
+        let costs = [
+            cost(&budget.force, penalty.force),
+            cost(&budget.stroke, penalty.stroke),
+        ];
+        let performance: f64 = powers.flatten().sum();
+        // All of them matter.
+        for (cost, size) in costs.into_iter().zip([penalty.force, penalty.stroke]) {
+            assert_eq!(
+                size > 0.0,
+                cost > 0.1 * performance,
+                "{costs:?} {performance:e}"
+            );
+        }
+        let expected = performance + costs.iter().sum::<f64>();
         // The table's coefficients are single precision.
         let apart = (found / expected - 1.0).abs();
         assert!(apart < 1e-3, "{file} {minimise:?}: {found:e} {expected:e}");
@@ -727,9 +745,14 @@ mod tests {
     #[test]
     fn the_mean_square_is_that_of_the_budget() {
         for minimise in [Minimise::Rms, Minimise::Average, Minimise::Deviation] {
-            check_mean_square::<LEGS>("nucleo-h743.toml", minimise);
+            check_mean_square::<LEGS>("nucleo-h743.toml", minimise, Penalty::default());
         }
-        check_mean_square::<{ 2 * LEGS }>("both-sensors.toml", Minimise::Rms);
+        check_mean_square::<{ 2 * LEGS }>("both-sensors.toml", Minimise::Rms, Penalty::default());
+        let penalty = Penalty {
+            force: 1e-4,
+            stroke: 1e4,
+        };
+        check_mean_square::<LEGS>("nucleo-h743.toml", Minimise::Rms, penalty);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::aligned::TITLE;
 use super::bound::write_room;
 use super::loops::write_design;
 use super::shapes::write_shapes;
+use crate::analysis::actuators::Actuators;
 use crate::analysis::controller::DesignAnalysis;
 use crate::analysis::delay::DelayBudget;
 use crate::analysis::rounding::Rounding;
@@ -55,6 +56,7 @@ impl Display for DesignAnalysis {
                 micro(*middle)
             )?;
         }
+        write_actuators(f, &self.actuators)?;
         writeln!(
             f,
             "{TITLE}How each mode follows the floor motion in its own shape{TITLE:#}"
@@ -171,4 +173,44 @@ impl Display for DesignAnalysis {
         }
         Ok(())
     }
+}
+
+fn write_actuators(f: &mut Formatter<'_>, actuators: &Actuators) -> fmt::Result {
+    let Actuators {
+        gain,
+        limit,
+        stroke,
+        full_force_hz,
+        hysteresis,
+        warning,
+    } = actuators;
+    write!(
+        f,
+        "{TITLE}Actuators:{TITLE:#} {gain:.4} N/V at the DAC, at most ±{limit:.0} N"
+    )?;
+    if let Some(stroke) = stroke {
+        write!(f, " or ±{:.2} µm of free expansion", 1e6 * stroke)?;
+    }
+    if let Some(hz) = full_force_hz {
+        write!(f, "; the amplifier's current allows that up to {hz:.1} Hz")?;
+    }
+    writeln!(f)?;
+    if hysteresis.is_empty() {
+        return Ok(());
+    }
+    writeln!(
+        f,
+        "  hysteresis, by its describing function   gain     lag   peak sensitivity"
+    )?;
+    for at in hysteresis {
+        writeln!(
+            f,
+            "    sine of {:>9.2} N                  {:>6.3}  {:>5.2}°  {:>6.2}",
+            at.force, at.gain, at.lag_deg, at.peak_sensitivity
+        )?;
+    }
+    if let Some(warning) = warning {
+        writeln!(f, "  Warning: {warning}.")?;
+    }
+    Ok(())
 }

@@ -6,6 +6,7 @@ mod bound;
 mod commission;
 mod changes;
 mod compare;
+mod compliance;
 mod controller;
 mod faults;
 mod floors;

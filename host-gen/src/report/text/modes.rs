@@ -142,7 +142,7 @@ impl Display for ModeAnalysis {
             writeln!(f)?;
         }
         if !self.leg_loads.is_empty() {
-            let head = cells(["Under gravity", "axial force, N", "buckling load, N", ""]);
+            let head = cells(["At rest", "axial force, N", "buckling load, N", ""]);
             let rows = self.leg_loads.iter().map(|load| {
                 let limit = load.buckling_load;
                 let buckles = limit.is_some_and(|limit| -load.axial_force > limit);
