@@ -16,9 +16,7 @@ use shared::LEGS;
 use super::partial_fractions::PlantPole;
 use super::response::{Gain, Response, Terms, continuous, contour};
 use super::state_space::{INPUTS, Outputs, StateSpace};
-use crate::machine::{
-    Direction, EntryError, FeedbackKind, Load, Machine, MachineError, Performance,
-};
+use crate::machine::{EntryError, FeedbackKind, Load, Machine, MachineError, Performance};
 use crate::model::design_model::DesignModel;
 use crate::model::multibody::Multibody;
 use crate::model::structure::Modes;
@@ -118,13 +116,6 @@ impl Plant {
                 out.floor
                     .row_mut(i)
                     .copy_from(&(ride * floor_inverse * gain));
-                // Turned by θ, it reads along d + θ×d what a − g is there: −(θ×d)·g more.
-                let tilt = Direction {
-                    direction: machine.gravity.cross(&sensor.direction),
-                    ..sensor.clone()
-                };
-                let row = model.rotation(&tilt).transpose() * shapes;
-                out.displacement.row_mut(i).copy_from(&(row * gain));
             }
         }
         if design.feedback != FeedbackKind::Acceleration {
