@@ -163,6 +163,39 @@ pub fn maturin(install: bool) -> Outcome<PathBuf> {
     Ok(own)
 }
 
+/// A Python with NumPy and SciPy: the one on the path, else one in an environment of its own, with
+/// both from PyPI, if `install`.
+pub fn scipy(install: bool) -> Outcome<PathBuf> {
+    const VERSIONS: [&str; 2] = ["numpy==2.4.6", "scipy==1.17.1"];
+    const IMPORT: [&str; 2] = ["-c", "import numpy, scipy"];
+    let own = Path::new("target/tools/scipy/bin/python3");
+    for python in [Path::new("python3"), own] {
+        if output(python, &IMPORT).is_some() {
+            return Ok(python.to_owned());
+        }
+    }
+    let names = VERSIONS.join(" ");
+    if !install {
+        return Err(format!(
+            "missing: NumPy and SciPy. Install them with pip install {names}, or leave out --no-install"
+        ));
+    }
+    let programs = venv(Path::new("target/tools/scipy"), install)?;
+    println!("installing from PyPI: {names}");
+    let mut pip = Command::new(programs.join("pip"));
+    run(pip.args(["install", "--quiet"]).args(VERSIONS))?;
+    Ok(own.to_owned())
+}
+
+/// Octave's program without windows; installs Debian's package if `install`.
+pub fn octave(install: bool) -> Outcome<&'static str> {
+    const PROGRAM: &str = "octave-cli";
+    if !on_path(PROGRAM) {
+        packages(&["octave"], install)?;
+    }
+    Ok(PROGRAM)
+}
+
 /// A program that is a crate, and the version that the project is tested with.
 pub struct Crate {
     name: &'static str,
