@@ -6,6 +6,7 @@ use std::path::Path;
 use host_gen::board::link::LinkError;
 use host_gen::board::measure::FrfError;
 use host_gen::design::{DesignError, StudyError};
+use host_gen::files::mat::TooLarge;
 use host_gen::floor::SpectrumError;
 use host_gen::identify::FitError;
 use host_gen::machine::MachineError;
@@ -76,6 +77,8 @@ pub enum Failure {
     Unsafe,
     #[error("a fault is latched: {0}")]
     Fault(String),
+    #[error("{path}: {error}")]
+    Mat { path: String, error: TooLarge },
     #[error(transparent)]
     Plot(#[from] PlotError),
     #[error("--{flag} must be from {least} to {}{unit}", short(*most))]

@@ -109,7 +109,7 @@ enum Command {
     Floor(FloorArguments),
     /// Show the generalised plant G (Fig. 4), or write its matrices for other programs.
     ///
-    /// Example: host-gen plant models/metrology-frame.toml --matrix-market out
+    /// Example: host-gen plant models/metrology-frame.toml --mat frame.mat
     Plant(PlantArguments),
     /// Compare machines side by side.
     ///
@@ -223,7 +223,7 @@ fn run(command: &Command, searcher: &Searcher) -> Result<(), Failure> {
         Command::Sigma(arguments) => command::sigma::sigma(arguments, searcher),
         Command::Robust(arguments) => command::robust::robust(arguments, searcher),
         Command::Floor(arguments) => command::floor::floor(arguments, searcher),
-        Command::Plant(arguments) => command::plant::plant(arguments),
+        Command::Plant(arguments) => command::plant::plant(arguments, searcher),
         Command::Compare(arguments) => command::compare::compare(arguments, searcher),
         Command::Compliance(arguments) => command::compliance::compliance(arguments, searcher),
         Command::Design(arguments) => command::design::design(arguments, searcher),

@@ -63,6 +63,11 @@ fn json(result: &impl Serialize) -> String {
     serde_json::to_string_pretty(result).expect("numbers and strings serialise") + "\n"
 }
 
+/// A time in s, to the nanosecond: few sample rates have a period that is a round number.
+pub fn seconds(time: f64) -> String {
+    format!("{time:.9}")
+}
+
 /// Prints text; colours only on a terminal.
 pub fn text(text: &str) -> Result<(), Failure> {
     written(anstream::stdout().write_all(text.as_bytes()))

@@ -1,4 +1,8 @@
-//! Files: replaced whole or not at all, and read without what editors add.
+//! Files: replaced whole or not at all, read without what editors add, and written for other
+//! programs.
+
+pub mod identifier;
+pub mod mat;
 
 use std::fs::{self, Metadata, OpenOptions, Permissions};
 use std::io::{self, Write as _};

@@ -11,6 +11,7 @@ mod tools;
 mod virtual_board;
 
 use std::env;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::thread::{self, ScopedJoinHandle};
@@ -108,6 +109,9 @@ enum Task {
     /// Licences and sources of what the project builds on, and what is known against it
     /// (advisories), by cargo-deny.
     Deny(Setup),
+    /// The MAT-files of the models in Octave. Not part of `test`, which reads them with SciPy: Octave is
+    /// 266 MB in 135 packages.
+    Octave(Setup),
     /// How long singular values and the closed loop take, and beside them the
     /// same in NumPy and SciPy where there is a Python with them.
     Speed,
@@ -238,6 +242,7 @@ fn main() -> ExitCode {
         Task::Page(setup) => page(&setup),
         Task::Docs(setup) => docs(&setup),
         Task::Deny(setup) => deny(&setup),
+        Task::Octave(setup) => octave(&setup),
         Task::Speed => speed(),
         Task::Bound => bound(),
         Task::Exudyn(setup) => exudyn(&setup),
@@ -267,7 +272,7 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
     tools::chromium(!setup.no_install)?;
     tools::emulator(!setup.no_install)?;
     tools::maturin(!setup.no_install)?;
-    tools::exudyn(!setup.no_install)?;
+    let python = tools::python(!setup.no_install)?;
     let mut times = Times::default();
     let (reference, image) = boards::building_reference(&tools);
     let boards = building_emulated(&tools)?
@@ -314,7 +319,8 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
             Step::new("session without boards", alone),
             Step::new("processor in the loop", boards),
             Step::new("scenes", [virtual_board::scenes(&image, full)?]),
-            Step::new("documents", [docs_command(None)?]),
+            Step::new("documents", [docs_command(&python, None)?]),
+            Step::new("MAT-files", [mat_files(&python, "py")]),
         ],
         host,
     ])?;
@@ -399,7 +405,8 @@ fn docs(setup: &Setup) -> Outcome<()> {
 fn book(setup: &Setup) -> Outcome<()> {
     let mdbook = tools::MDBOOK.find(!setup.no_install)?;
     run(Command::new(mdbook).args(["build", "docs"]))?;
-    run(&mut docs_command(Some("target/book"))?)
+    let python = tools::python(!setup.no_install)?;
+    run(&mut docs_command(&python, Some("target/book"))?)
 }
 
 /// This program.
@@ -408,9 +415,10 @@ fn own() -> Outcome<Command> {
     Ok(Command::new(own))
 }
 
-fn docs_command(book: Option<&str>) -> Outcome<Command> {
+fn docs_command(python: &Path, book: Option<&str>) -> Outcome<Command> {
     let mut command = built("docs");
     command.arg("--xtask").arg(own()?.get_program());
+    command.arg("--python").arg(python);
     if let Some(book) = book {
         command.args(["--book", book]);
     }
@@ -639,6 +647,31 @@ fn deny(setup: &Setup) -> Outcome<()> {
     Ok(())
 }
 
+/// The models whose MAT-files are read: each kind of feedback, and a board whose delay is no whole
+/// number of periods.
+const MAT_MODELS: [&str; 4] = [
+    MODEL,
+    "models/low-parasitic.toml",
+    BOTH.0,
+    virtual_board::MODEL,
+];
+
+/// Checks the MAT-files of the models with a script in the language of `interpreter`, from what
+/// [`building`] has built.
+fn mat_files(interpreter: impl AsRef<OsStr>, language: &str) -> Command {
+    let mut command = Command::new(interpreter);
+    command.arg(format!("tests/external/mat_file.{language}"));
+    command.args(["target/release/host-gen", "target/mat"]);
+    command.args(MAT_MODELS);
+    command
+}
+
+fn octave(setup: &Setup) -> Outcome<()> {
+    let octave = tools::octave(!setup.no_install)?;
+    run(&mut building())?;
+    run(&mut mat_files(octave, "m"))
+}
+
 fn speed() -> Outcome<()> {
     // Not the profile of the tests, which checks its arithmetic.
     let mut bench = cargo();
@@ -669,7 +702,7 @@ const MACHINES: [[&str; 2]; 7] = [
 ];
 
 fn exudyn(setup: &Setup) -> Outcome<()> {
-    let python = tools::exudyn(!setup.no_install)?;
+    let python = tools::python(!setup.no_install)?;
     run(&mut building())?;
     for [machine, parts] in MACHINES {
         println!("{machine}");

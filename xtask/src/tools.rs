@@ -164,15 +164,15 @@ pub fn maturin(install: bool) -> Outcome<PathBuf> {
     Ok(own)
 }
 
-/// A Python with Exudyn: the one on the path, else one in an environment of its own with what PyPI has
-/// if `install`.
-pub fn exudyn(install: bool) -> Outcome<PathBuf> {
+/// A Python with Exudyn, NumPy and SciPy: the one on the path, else one in an environment of its own
+/// with what PyPI has if `install`.
+pub fn python(install: bool) -> Outcome<PathBuf> {
     const MODULES: &str = "exudyn, numpy, scipy";
     const VERSIONS: [&str; 3] = ["exudyn==1.13.6", "numpy==2.4.6", "scipy==1.17.1"];
     if imports("python3", MODULES) {
         return Ok(PathBuf::from("python3"));
     }
-    let folder = Path::new("target/tools/exudyn");
+    let folder = Path::new("target/tools/python");
     let own = folder.join("bin/python3");
     if imports(&own, MODULES) {
         return Ok(own);
@@ -180,7 +180,7 @@ pub fn exudyn(install: bool) -> Outcome<PathBuf> {
     let wanted = VERSIONS.join(" ");
     if !install {
         return Err(format!(
-            "missing: Exudyn. Install it with pip install {wanted}, or leave out --no-install"
+            "missing: Exudyn, NumPy or SciPy. Install them with pip install {wanted}, or leave out --no-install"
         ));
     }
     let programs = venv(folder, install)?;
@@ -199,6 +199,15 @@ pub fn imports(python: impl AsRef<OsStr>, modules: &str) -> bool {
         .stderr(Stdio::null())
         .status()
         .is_ok_and(|status| status.success())
+}
+
+/// Octave's program without windows; installs Debian's package if `install`.
+pub fn octave(install: bool) -> Outcome<&'static str> {
+    const PROGRAM: &str = "octave-cli";
+    if !on_path(PROGRAM) {
+        packages(&["octave"], install)?;
+    }
+    Ok(PROGRAM)
 }
 
 /// A program that is a crate, and the version that the project is tested with.

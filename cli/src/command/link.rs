@@ -10,9 +10,11 @@ use std::time::{Duration, Instant};
 use clap::{Args, Subcommand, ValueEnum};
 use host_gen::board::link::{Address, Client, LinkError};
 use host_gen::board::measure::{
-    MeasuredSensitivity, Measurement, MeasurementSettings, Resonance, measure,
+    FrfError, MeasuredSensitivity, Measurement, MeasurementSettings, Resonance, measure,
 };
+use host_gen::board::units::Scales;
 use host_gen::board::words::cause;
+use host_gen::machine::Machine;
 use serde::Serialize;
 use shared::LEGS;
 use shared::codes::AdcCode;
@@ -119,18 +121,23 @@ enum OnBoard {
     ///
     /// Example: host-gen link --at 127.0.0.1:7700 end-injection
     EndInjection,
-    /// Record samples at the full rate, as CSV on standard output.
+    /// Record samples at the full rate, as CSV on standard output: time from the trigger, sensors and
+    /// leg forces.
     ///
-    /// Example: host-gen link --at 127.0.0.1:7700 record --after 2000 > record.csv
+    /// Example: host-gen link --at 127.0.0.1:7700 record models/yours.toml --after 2000 > record.csv
     Record(RecordArguments),
-    /// Print the samples before the latched fault, as CSV on standard output.
+    /// Print the samples before the latched fault, as CSV on standard output: time to the last one,
+    /// sensors and leg forces.
     ///
-    /// Example: host-gen link --at 127.0.0.1:7700 snapshot > fault.csv
-    Snapshot,
-    /// Print one of N samples, live, as CSV on standard output.
+    /// Example: host-gen link --at 127.0.0.1:7700 snapshot models/yours.toml > fault.csv
+    Snapshot(Units),
+    /// Print one of N samples, live, as CSV on standard output: time since power-up, mode, gain, whether
+    /// the clamp was active, sensors and leg forces.
     ///
-    /// Example: host-gen link --at 127.0.0.1:7700 telemetry --every 2000
+    /// Example: host-gen link --at 127.0.0.1:7700 telemetry models/yours.toml --every 2000
     Telemetry {
+        #[command(flatten)]
+        units: Units,
         /// Send every Nth sample.
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
         every: u32,
@@ -184,8 +191,21 @@ enum SignalKind {
     Noise,
 }
 
+/// In what units samples are printed.
+#[derive(Args)]
+struct Units {
+    /// Machine file that the board's table was made from, for its units.
+    #[arg(required_unless_present = "raw")]
+    model: Option<PathBuf>,
+    /// Codes of the converters instead of units, and sample numbers instead of time.
+    #[arg(long, conflicts_with = "model")]
+    raw: bool,
+}
+
 #[derive(Args)]
 struct RecordArguments {
+    #[command(flatten)]
+    units: Units,
     /// Event that starts the recording.
     #[arg(long, value_enum, default_value_t = TriggerKind::Now)]
     trigger: TriggerKind,
@@ -339,9 +359,23 @@ fn with_board(client: &mut Client, action: &OnBoard, format: Format) -> Result<(
             client.end_injection()?;
             status(client, format)
         }
-        OnBoard::Record(arguments) => csv(&record(client, arguments)?),
-        OnBoard::Snapshot => csv(&client.records(Request::Snapshot)?),
-        OnBoard::Telemetry { every, count } => telemetry(client, *every, *count),
+        OnBoard::Record(arguments) => {
+            let columns = Columns::new(client, &arguments.units)?;
+            let records = record(client, arguments)?;
+            // A trigger that comes early leaves fewer before it, but none after it are missing.
+            let before = records.len().saturating_sub(arguments.after as usize);
+            columns.print(&records, before)
+        }
+        OnBoard::Snapshot(units) => {
+            let columns = Columns::new(client, units)?;
+            let records = client.records(Request::Snapshot)?;
+            columns.print(&records, records.len().saturating_sub(1))
+        }
+        OnBoard::Telemetry {
+            units,
+            every,
+            count,
+        } => telemetry(client, units, *every, *count),
         OnBoard::Health => print::result(format, &HealthView(client.health()?)),
         OnBoard::Levels(arguments) => levels::levels(client, arguments, format),
     }
@@ -587,7 +621,13 @@ impl Display for HealthView {
 /// Time between two questions whether the board is still there, while it sends telemetry.
 const ALIVE: Duration = Duration::from_secs(1);
 
-fn telemetry(client: &mut Client, every: u32, count: Option<u64>) -> Result<(), Failure> {
+fn telemetry(
+    client: &mut Client,
+    units: &Units,
+    every: u32,
+    count: Option<u64>,
+) -> Result<(), Failure> {
+    let columns = Columns::new(client, units)?;
     let off = |client: &mut Client| client.command(Request::Telemetry(0));
     let work = |client: &mut Client| {
         client.command(Request::Telemetry(every))?;
@@ -603,17 +643,17 @@ fn telemetry(client: &mut Client, every: u32, count: Option<u64>) -> Result<(), 
                 continue;
             };
             let front = [
-                telemetry.at.to_string(),
+                columns.time(telemetry.at as i64),
                 format!("{:?}", telemetry.mode),
                 telemetry.gain.to_string(),
                 telemetry.status.clamped.to_string(),
             ];
-            let head = ["at", "mode", "gain", "clamped"];
             let mut shown = Ok(());
             if printed == 0 {
-                shown = row(&mut table, head, columns());
+                let head = [columns.clock(), "mode", "gain", "clamped"];
+                shown = row(&mut table, head, columns.names());
             }
-            shown = shown.and_then(|()| row(&mut table, front, codes(&telemetry.record)));
+            shown = shown.and_then(|()| row(&mut table, front, columns.values(&telemetry.record)));
             if shown.is_err() {
                 off(client)?;
                 return print::written(shown);
@@ -628,35 +668,88 @@ fn telemetry(client: &mut Client, every: u32, count: Option<u64>) -> Result<(), 
     })
 }
 
-fn csv(records: &[Record]) -> Result<(), Failure> {
-    let mut table = csv::Writer::from_writer(io::stdout());
-    let none = || [] as [&str; 0];
-    let mut written = row(&mut table, none(), columns());
-    for record in records {
-        written = written.and_then(|()| row(&mut table, none(), codes(record)));
+/// The columns in which samples are printed.
+struct Columns {
+    /// None for the codes of the converters.
+    scales: Option<Scales>,
+    /// Sample rate, Hz.
+    rate: f64,
+}
+
+impl Columns {
+    fn new(client: &mut Client, units: &Units) -> Result<Self, Failure> {
+        let scales = match &units.model {
+            None => None,
+            Some(model) => {
+                let machine = Machine::load(model)?;
+                if client.identity()?.model != machine.digest {
+                    return Err(FrfError::OtherTable.into());
+                }
+                Some(Scales::new(&machine))
+            }
+        };
+        let rate = client.identity()?.sample_rate.into();
+        Ok(Self { scales, rate })
     }
-    print::written(written)
-}
 
-/// The names of the columns with a record's codes.
-fn columns() -> impl Iterator<Item = String> {
-    let names = ["sensor", "force", "dac"].into_iter();
-    names.flat_map(|name| (1..=LEGS).map(move |i| format!("{name}{i}")))
-}
+    /// The name of the column with the time.
+    fn clock(&self) -> &'static str {
+        match self.scales {
+            Some(_) => "time [s]",
+            None => "at",
+        }
+    }
 
-fn codes(record: &Record) -> impl Iterator<Item = String> {
-    let adc = record.adc.sensors.iter().chain(&record.adc.forces);
-    let dac = record.dac.iter().map(|code| code.0.to_string());
-    adc.map(|code| code.0.to_string()).chain(dac)
+    /// The time of a sample.
+    fn time(&self, sample: i64) -> String {
+        match self.scales {
+            Some(_) => print::seconds(sample as f64 / self.rate),
+            None => sample.to_string(),
+        }
+    }
+
+    /// The names of the columns with what a record has.
+    fn names(&self) -> Vec<String> {
+        match &self.scales {
+            Some(scales) => scales.columns().to_vec(),
+            None => {
+                let names = ["sensor", "force", "dac"].into_iter();
+                let each = |name| (1..=LEGS).map(move |i| format!("{name}{i}"));
+                names.flat_map(each).collect()
+            }
+        }
+    }
+
+    fn values(&self, record: &Record) -> Vec<String> {
+        match &self.scales {
+            Some(scales) => scales.values(record).map(|x| x.to_string()).collect(),
+            None => {
+                let adc = record.adc.sensors.iter().chain(&record.adc.forces);
+                let dac = record.dac.iter().map(|code| code.0.to_string());
+                adc.map(|code| code.0.to_string()).chain(dac).collect()
+            }
+        }
+    }
+
+    /// Prints records; time 0 is that of the one with the index `zero`.
+    fn print(&self, records: &[Record], zero: usize) -> Result<(), Failure> {
+        let mut table = csv::Writer::from_writer(io::stdout());
+        let mut written = row(&mut table, [self.clock()], self.names());
+        for (i, record) in records.iter().enumerate() {
+            let time = self.time(i as i64 - zero as i64);
+            written = written.and_then(|()| row(&mut table, [time], self.values(record)));
+        }
+        print::written(written)
+    }
 }
 
 /// Writes a row and flushes it: a reader may wait for it.
 fn row<const N: usize, T: Into<String>>(
     table: &mut csv::Writer<io::Stdout>,
     front: [T; N],
-    codes: impl Iterator<Item = String>,
+    values: Vec<String>,
 ) -> io::Result<()> {
-    table.write_record(front.into_iter().map(T::into).chain(codes))?;
+    table.write_record(front.into_iter().map(T::into).chain(values))?;
     table.flush()
 }
 

@@ -15,14 +15,14 @@ pub struct SigmaArguments {
     #[command(flatten)]
     common: Common,
     /// Lowest frequency, Hz.
-    #[arg(long, default_value_t = 0.1)]
+    #[arg(long, default_value_t = Frequencies::BAND[0])]
     from: f64,
     /// Highest frequency, Hz.
-    #[arg(long, default_value_t = 300.0)]
+    #[arg(long, default_value_t = Frequencies::BAND[1])]
     to: f64,
     /// Number of frequencies, evenly spaced in the logarithm, 2 to 100000; more are added
     /// around peaks.
-    #[arg(long, default_value_t = 500, value_parser = count(2, 100_000))]
+    #[arg(long, default_value_t = Frequencies::COUNT, value_parser = count(2, 100_000))]
     points: usize,
     /// Only these frequencies, Hz, separated by commas.
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["from", "to", "points"])]

@@ -361,12 +361,44 @@ fn analysis_commands() {
     assert_eq!(length(&plant["inputs"]), 12);
     assert_eq!(length(&plant["kinds"][1]["outputs"]), 12);
     let files = fs::read_dir(folder.path().join("out/g")).unwrap().count();
-    // Four matrices of two kinds of feedback, each in two formats.
-    assert_eq!(files, 16);
+    // Four matrices of two kinds of feedback, each in two formats, and two times the signals.
+    assert_eq!(files, 18);
+    let signals = fs::read_to_string(folder.path().join("out/g/force-signals.csv")).unwrap();
+    let lines: Vec<_> = signals.lines().collect();
+    assert_eq!(lines.len(), 1 + 12 + 12);
+    assert_eq!(lines[0], "kind,identifier,name,unit");
+    assert_eq!(lines[7], "input,force_leg4,\"leg4\",N");
+    assert_eq!(
+        lines[13],
+        "output,performance_block15_e1,\"block15.e1\",m/s^2"
+    );
+    assert_eq!(lines[19], "output,sensor_leg4,\"leg4\",N");
+    assert_eq!(plant["input_identifiers"][6], "force_leg4");
+    assert_eq!(plant["kinds"][0]["output_units"][11], "m/s^2");
+    assert_eq!(plant["kinds"][0]["states"][23], "rate12");
+    // tests/external/mat_file.py looks into it.
+    run(&["plant", &model, "--mat", "frame.mat"]);
+    let file = fs::read(folder.path().join("frame.mat")).unwrap();
+    assert!(file.starts_with(b"MATLAB 5.0 MAT-file"));
 
     let floor = run(&["floor", &model, "--criterion", "vc-c"]);
     assert_eq!(floor["floor"], "VC-C");
-    assert_eq!(length(&floor["closed"]["rms"]), 6 + 3 + 6 + 6);
+    assert_eq!(length(&floor["closed"]["rms"]), 6 + 6 + 3 + 6 + 6);
+    let shown = |i: usize| {
+        let row = &floor["closed"]["rms"][i];
+        let part = row["rms"].as_f64().unwrap() / row["shown_rms"].as_f64().unwrap();
+        (row["shown_unit"].as_str().unwrap().to_owned(), part)
+    };
+    for (row, unit, part) in [
+        (0, "m/s²", 1.0),
+        (6, "nm", 1e-9),
+        (15, "N", 1.0),
+        (26, "µm", 1e-6),
+    ] {
+        let (found, found_part) = shown(row);
+        assert_eq!(found, unit);
+        assert!((found_part / part - 1.0).abs() < 1e-12);
+    }
     assert_eq!(length(&floor["closed"]["thirds"]), 20);
     fs::write(
         folder.path().join("s.txt"),
@@ -424,10 +456,10 @@ fn floors_are_those_of_the_file(model: &str, folder: &Path) {
         for side in ["open", "closed"] {
             let together = floor[side]["together"].as_array().unwrap();
             let units: Vec<_> = together.iter().map(|row| row["unit"].as_str()).collect();
-            assert_eq!(units, [Some("m/s²"), Some("m"), Some("m")]);
+            assert_eq!(units, [Some("m/s²"), Some("m"), Some("m"), Some("m")]);
             assert_eq!(
                 floor[side]["rms"].as_array().unwrap().len(),
-                6 + 3 + 6 + 6 + 12
+                6 + 6 + 3 + 6 + 6 + 12
             );
         }
     }
@@ -904,4 +936,60 @@ fn modes_need_no_control() {
     assert_eq!(output.status.code(), Some(1));
     let error = text(&output.stderr);
     assert!(error.contains("missing keys `coordinates`"), "{error}");
+}
+
+/// The histories are those whose rms and peak the summary has, at the sample rate.
+#[test]
+fn histories_have_units_and_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = quick_model(folder.path());
+    let arguments = ["simulate", &model, "--format", "json", "--csv", "time.csv"];
+    let summary = json(&host_gen(&arguments, folder.path()));
+    let csv = fs::read_to_string(folder.path().join("time.csv")).unwrap();
+    let mut lines = csv.lines();
+    let head: Vec<_> = lines.next().unwrap().split(',').collect();
+    assert_eq!(head.len(), 1 + 6 + 6 + 6);
+    assert_eq!(head[0], "time [s]");
+    assert_eq!(head[1], "block15.e1 open [m/s^2]");
+    assert_eq!(head[7], "block15.e1 closed [m/s^2]");
+    assert_eq!(head[13], "force leg4 [N]");
+    let numbers =
+        |line: &str| -> Vec<f64> { line.split(',').map(|x| x.parse().unwrap()).collect() };
+    let rows: Vec<_> = lines.map(numbers).collect();
+    // 0.2 s at 20 kHz.
+    assert_eq!(rows.len(), 4000);
+    for (i, row) in rows.iter().enumerate() {
+        assert!((row[0] - i as f64 / 20e3).abs() < 1e-9);
+    }
+    for (side, first) in [("open", 1), ("closed", 7)] {
+        for output in 0..6 {
+            let column = rows.iter().map(|row| row[first + output]);
+            let square: f64 = column.clone().map(|x| x * x).sum();
+            let peak = column.fold(0.0, |most: f64, x| most.max(x.abs()));
+            let of = |what: &str| summary["simulation"][side][what][output].as_f64().unwrap();
+            assert!(((square / 4000.0).sqrt() / of("rms") - 1.0).abs() < 1e-5);
+            assert!((peak / of("peak") - 1.0).abs() < 1e-5);
+        }
+    }
+    let forces = rows.iter().flat_map(|row| &row[13..]);
+    let peak = forces.fold(0.0, |most: f64, x| most.max(x.abs()));
+    let most = summary["simulation"]["closed"]["force_peak"]
+        .as_f64()
+        .unwrap();
+    assert!((peak / most - 1.0).abs() < 1e-5);
+
+    let long = [
+        "simulate",
+        &model,
+        "--duration",
+        "1000",
+        "--csv",
+        "time.csv",
+    ];
+    let refused = host_gen(&long, folder.path());
+    let error = text(&refused.stderr);
+    assert!(
+        !refused.status.success() && error.contains("--duration must be lower"),
+        "{error}"
+    );
 }

@@ -518,11 +518,11 @@ fn numbers_out_of_range() {
 #[cfg(unix)]
 fn a_closed_pipe_is_no_error() {
     let board = Board::start();
-    for command in ["telemetry --every 10", "record --after 5000"] {
+    for command in ["telemetry --raw --every 10", "record --raw --after 5000"] {
         let output = board.piped(command, "head -n 1");
         let error = String::from_utf8(output.stderr).unwrap();
         // On a busy machine the command says what it waits for.
-        let waits = |line: &str| line.is_empty() || line.contains(": waiting for ");
+        let waits = |line: &str| line.is_empty() || line.starts_with("waiting for ");
         assert!(
             output.status.success() && error.lines().all(waits),
             "{command}: {error}"
@@ -530,6 +530,79 @@ fn a_closed_pipe_is_no_error() {
         let head = String::from_utf8(output.stdout).unwrap();
         assert!(head.contains("sensor1"), "{head}");
     }
+}
+
+/// Records in units have a time from the trigger, and their force is what the loop asks for; a machine
+/// file that is not the board's gives no units.
+#[test]
+fn records_have_units_and_time() {
+    let board = Board::start();
+    let address = board.1.to_string();
+    let run = |arguments: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_host-gen"))
+            .args(["link", "--at", &address])
+            .args(arguments)
+            .output()
+            .unwrap()
+    };
+    let model = model_path().display().to_string();
+    let table = |arguments: &[&str]| -> (Vec<String>, Vec<Vec<String>>) {
+        let output = run(arguments);
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{error}");
+        let text = String::from_utf8(output.stdout).unwrap();
+        let cells = |line: &str| line.split(',').map(str::to_owned).collect();
+        let mut lines = text.lines().map(cells);
+        (lines.next().unwrap(), lines.collect())
+    };
+    let number = |cell: &String| -> f64 { cell.parse().unwrap() };
+
+    let rise = ["--trigger", "rise", "--before", "3", "--after", "5"];
+    let (head, rows) = table(&[&["record", &model], &rise[..]].concat());
+    assert_eq!(head.len(), 1 + 6 + 6);
+    assert_eq!(head[0], "time [s]");
+    assert!(head[1].starts_with("sensor ") && head[1].ends_with(" [m/s^2]"));
+    assert_eq!(head[7], "force leg4 [N]");
+    let times: Vec<_> = rows.iter().map(|row| number(&row[0])).collect();
+    // Fewer before, if the trigger came earlier.
+    let before = times.len() - 5;
+    assert!(before <= 3, "{times:?}");
+    for (time, sample) in times.iter().zip(-(before as i32)..) {
+        assert!((time - f64::from(sample) / 20e3).abs() < 1e-9, "{times:?}");
+    }
+    // At time 0 the sensor has risen above code 0.
+    assert!(number(&rows[before][1]) > 0.0, "{rows:?}");
+    assert!(
+        before == 0 || number(&rows[before - 1][1]) <= 0.0,
+        "{rows:?}"
+    );
+    for row in &rows {
+        // At rest the legs are told no force, and the noise of the sensors is below 0.1 m/s².
+        assert!(row[7..].iter().all(|force| number(force) == 0.0), "{row:?}");
+        assert!(row[1..7].iter().any(|y| number(y) != 0.0), "{row:?}");
+        assert!(row[1..7].iter().all(|y| number(y).abs() < 0.1), "{row:?}");
+    }
+    let (head, rows) = table(&["telemetry", &model, "--every", "100", "--count", "3"]);
+    assert_eq!(head[..4], ["time [s]", "mode", "gain", "clamped"]);
+    assert_eq!(head.len(), 4 + 6 + 6);
+    let step = number(&rows[1][0]) - number(&rows[0][0]);
+    assert!((step - 100.0 / 20e3).abs() < 1e-9, "{rows:?}");
+    let (head, rows) = table(&["record", "--raw", "--after", "5"]);
+    assert_eq!(
+        (head[0].as_str(), head[1].as_str(), head.len()),
+        ("at", "sensor1", 19)
+    );
+    assert_eq!((rows[0][0].as_str(), rows[0][13].as_str()), ("0", "32768"));
+
+    let other = Path::new(&model).with_file_name("both-sensors.toml");
+    let refused = run(&["record", &other.display().to_string(), "--after", "5"]);
+    let error = String::from_utf8(refused.stderr).unwrap();
+    assert!(
+        !refused.status.success() && error.contains("the table of another machine"),
+        "{error}"
+    );
+    let missing = run(&["record", "--after", "5"]);
+    assert_eq!(missing.status.code(), Some(2));
 }
 
 /// The levels against a recording of the same noise, and windows that follow each other.

@@ -54,9 +54,16 @@ pub(crate) struct SourceShares {
     pub(crate) name: String,
     pub(crate) unit: &'static str,
     pub(crate) rms: f64,
+    /// The unit in which people read it, nm for displacements of outputs and µm for strokes, and the
+    /// value in it.
+    pub(crate) shown_unit: &'static str,
+    pub(crate) shown_rms: f64,
     /// Shares of the power, 0 to 1, in the order of the sources.
     pub(crate) shares: Powers,
 }
+
+/// The unit of displacements of outputs, and its part of a metre.
+const NANOMETRES: (&str, f64) = ("nm", 1e-9);
 
 #[derive(Debug, Serialize)]
 pub(crate) struct ThirdOctave {
@@ -73,12 +80,20 @@ fn shares(powers: &Powers) -> (f64, Powers) {
 }
 
 impl SourceShares {
-    fn new(name: String, unit: &'static str, powers: &Powers) -> Self {
+    /// `shown` is the unit in which people read the rms, and its part of `unit`.
+    fn new(
+        name: String,
+        unit: &'static str,
+        (shown_unit, part): (&'static str, f64),
+        powers: &Powers,
+    ) -> Self {
         let (rms, shares) = shares(powers);
         Self {
             name,
             unit,
             rms,
+            shown_unit,
+            shown_rms: rms / part,
             shares,
         }
     }
@@ -99,45 +114,46 @@ impl FloorSide {
         let axes = ["x", "y", "z"].map(|axis| format!("frame {axis}")).to_vec();
         let names = machine.performance_names();
         let mut together = Vec::new();
-        let (mut accelerations, mut moving) = (Vec::new(), Vec::new());
+        let (mut motions, mut moving) = (Vec::new(), Vec::new());
         for measure in budget.measures() {
-            let (what, unit) = match measure {
-                Measure::Acceleration => ("acceleration", "m/s²"),
-                Measure::Average(_) => ("moving average", "m"),
-                Measure::Deviation(_) => ("moving deviation", "m"),
+            let (what, unit, shown) = match measure {
+                Measure::Acceleration => ("acceleration", "m/s²", ("m/s²", 1.0)),
+                Measure::Displacement => ("displacement", "m", NANOMETRES),
+                Measure::Average(_) => ("moving average", "m", NANOMETRES),
+                Measure::Deviation(_) => ("moving deviation", "m", NANOMETRES),
             };
             let of_output = |spectrum: &Vec<Powers>| budget.measured(spectrum, measure);
             let powers: Vec<_> = budget.performance.iter().map(of_output).collect();
             let sum = |source: usize| powers.iter().map(|powers| powers[source]).sum();
             let all = core::array::from_fn(sum);
-            together.push(SourceShares::new(what.to_owned(), unit, &all));
+            together.push(SourceShares::new(what.to_owned(), unit, shown, &all));
             for (name, powers) in names.iter().zip(&powers) {
+                let named = format!("{name}, {what}");
                 let (rows, name) = match measure {
-                    Measure::Acceleration => (&mut accelerations, name.clone()),
-                    _ => (&mut moving, format!("{name}, {what}")),
+                    Measure::Acceleration => (&mut motions, name.clone()),
+                    Measure::Displacement => (&mut motions, named),
+                    Measure::Average(_) | Measure::Deviation(_) => (&mut moving, named),
                 };
-                rows.push(SourceShares::new(name, unit, powers));
+                rows.push(SourceShares::new(name, unit, shown, powers));
             }
         }
         let groups = [
-            (&budget.frame, axes, "m/s"),
-            (&budget.force, legs("force"), "N"),
-            (&budget.stroke, legs("stroke"), "m"),
+            (&budget.frame, axes, "m/s", ("m/s", 1.0)),
+            (&budget.force, legs("force"), "N", ("N", 1.0)),
+            (&budget.stroke, legs("stroke"), "m", ("µm", 1e-6)),
         ];
         let others = groups
             .into_iter()
-            .flat_map(|(spectra, names, unit)| {
+            .flat_map(|(spectra, names, unit, shown)| {
                 spectra
                     .iter()
                     .zip(names)
-                    .map(move |(s, name)| (s, name, unit))
+                    .map(move |(s, name)| (s, name, unit, shown))
             })
-            .map(|(spectrum, name, unit)| SourceShares::new(name, unit, &budget.power(spectrum)));
-        let rms = accelerations
-            .into_iter()
-            .chain(others)
-            .chain(moving)
-            .collect();
+            .map(|(spectrum, name, unit, shown)| {
+                SourceShares::new(name, unit, shown, &budget.power(spectrum))
+            });
+        let rms = motions.into_iter().chain(others).chain(moving).collect();
         let thirds = budget.thirds().into_iter();
         let densities = |spectra: &[Vec<Powers>]| {
             let amplitude = |powers: &Powers| powers.iter().sum::<f64>().sqrt();

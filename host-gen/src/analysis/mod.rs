@@ -12,6 +12,7 @@ pub mod delay;
 pub mod floors;
 pub mod gains;
 pub mod isolation;
+pub mod mat_file;
 pub mod modes;
 pub mod other_boards;
 pub mod plant_matrices;
@@ -19,6 +20,7 @@ pub mod poles;
 pub mod robustness;
 pub mod rounding;
 pub mod sigma;
+mod signals;
 pub mod warnings;
 pub mod zeros;
 

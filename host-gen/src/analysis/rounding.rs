@@ -14,8 +14,8 @@ use shared::step::{Demand, LawState, force};
 use shared::table::{Paths, ValidTable};
 
 use crate::control::LinearLaw;
-use crate::control::law::LawStateSpace;
 use crate::machine::{Machine, Sensor};
+use crate::plant::DiscreteStateSpace;
 
 /// Rounding error relative to noise at one frequency.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -48,7 +48,7 @@ struct SparseLaw {
 }
 
 impl SparseLaw {
-    fn new(law: &LawStateSpace) -> Self {
+    fn new(law: &DiscreteStateSpace) -> Self {
         let states = law.a.nrows();
         let row = |of_states: &DMatrix<f64>, of_inputs: &DMatrix<f64>, i: usize| {
             let (states, inputs) = (of_states.row(i), of_inputs.row(i));

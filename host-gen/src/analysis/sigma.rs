@@ -57,6 +57,19 @@ pub enum Frequencies {
     At(Vec<f64>),
 }
 
+impl Frequencies {
+    /// The usual band, Hz.
+    pub const BAND: [f64; 2] = [0.1, 300.0];
+    /// The usual number of evenly spaced frequencies.
+    pub const COUNT: usize = 500;
+    /// What `host-gen sigma` has without options.
+    pub const USUAL: Self = Self::Adaptive {
+        low: Self::BAND[0],
+        high: Self::BAND[1],
+        count: Self::COUNT,
+    };
+}
+
 impl SigmaAnalysis {
     /// σ_max(G11) of `machine` at `frequencies`: without control, and for each of
     /// `studies` with the ideal and with the sampled law.

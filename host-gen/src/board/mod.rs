@@ -1,5 +1,7 @@
-//! What the real board does: the client of its link, and responses measured in place.
+//! What the real board does: the client of its link, responses measured in place, and records in
+//! physical units.
 
 pub mod link;
 pub mod measure;
+pub mod units;
 pub mod words;

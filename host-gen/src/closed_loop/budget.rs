@@ -219,12 +219,14 @@ impl NoiseBudget {
         self.measured(spectrum, Measure::Acceleration)
     }
 
-    /// What can be measured of the performance outputs: their accelerations and, with an exposure
-    /// time, moving averages and deviations of their displacements.
+    /// What can be measured of the performance outputs: their accelerations, their displacements and,
+    /// with an exposure time, moving averages and deviations of their displacements.
     pub fn measures(&self) -> impl Iterator<Item = Measure> {
         let moving = |exposure| [Measure::Average(exposure), Measure::Deviation(exposure)];
         let moving = self.exposure.into_iter().flat_map(moving);
-        [Measure::Acceleration].into_iter().chain(moving)
+        [Measure::Acceleration, Measure::Displacement]
+            .into_iter()
+            .chain(moving)
     }
 
     /// The power that `measure` makes of `spectrum`, one of accelerations, in the band, by source:

@@ -38,54 +38,22 @@ impl<'a> SampledLoop<'a> {
 impl SampledLoop<'_> {
     /// The transition matrix of the closed loop over one period.
     ///
-    /// Its states are those of the plant, the forces computed but still to act, and those of the
-    /// law.
+    /// Its states are those of [`SampledPlant::discrete`] and those of the law.
     fn transition(&self) -> DMatrix<f64> {
-        let plant = self.plant.state_space();
+        let plant = self.plant.discrete();
         let law = self.law.state_space();
-        let n = plant.output.ncols();
-        let delays = self.plant.seen_delay();
-        let inner = n + LEGS * delays;
+        let inner = plant.a.nrows();
         let states = inner + law.a.nrows();
-        let held = |age: usize| n + LEGS * (age - 1);
-        // A signal is a row of coefficients on the states before the step.
-        let state = |at: usize| {
-            let mut rows = DMatrix::zeros(LEGS, states);
-            rows.view_mut((0, at), (LEGS, LEGS)).fill_with_identity();
-            rows
-        };
-        let sensors = 0..self.law.sensors();
-        let direct = self.plant.direct();
-        let mut y = direct.view((0, LEGS), (sensors.len(), LEGS)) * state(held(delays));
-        let mut modes = y.columns_mut(0, n);
-        modes += plant.output.rows_range(sensors);
-
+        let sensed = plant.c.rows_range(0..self.law.sensors());
+        let by_force = plant.b.columns(LEGS, LEGS);
         let mut next = DMatrix::zeros(states, states);
-        let mut own = next.rows_range_mut(inner..);
-        own += law.b * &y;
-        let mut own = own.columns_range_mut(inner..);
-        own += law.a;
-        let mut force = law.d * y;
-        let mut own = force.columns_range_mut(inner..);
-        own += law.c;
-        let mut set = |at: usize, rows: &DMatrix<f64>| next.rows_mut(at, LEGS).copy_from(rows);
-        set(held(1), &force);
-        for age in 2..=delays {
-            set(held(age), &state(held(age - 1)));
-        }
-        let age = self.plant.whole_periods;
-        let new = if age == 0 { force } else { state(held(age)) };
-        let old = state(held(age + 1));
-        let mut modes = next.rows_mut(0, n);
-        modes += plant.change.after * new + plant.change.before * old;
-        for (at, z, pair) in plant.blocks {
-            next[(at, at)] += z.re;
-            if pair {
-                next[(at, at + 1)] -= z.im;
-                next[(at + 1, at)] += z.im;
-                next[(at + 1, at + 1)] += z.re;
-            }
-        }
+        let mut set = |at: (usize, usize), block: DMatrix<f64>| {
+            next.view_mut(at, block.shape()).copy_from(&block);
+        };
+        set((0, 0), &plant.a + by_force * (&law.d * sensed));
+        set((0, inner), by_force * &law.c);
+        set((inner, 0), &law.b * sensed);
+        set((inner, inner), law.a);
         next
     }
 

@@ -4,7 +4,7 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix6};
 use shared::LEGS;
 use shared::table::{Channel, Direct, Modal, Paths, Section, ValidTable};
 
-use crate::plant::Control;
+use crate::plant::{Control, DiscreteStateSpace};
 
 /// The linear law of a table, from sensor values, m/s² or N, to leg forces, N.
 ///
@@ -14,21 +14,6 @@ pub struct LinearLaw {
     ac_coupling: f64,
     leak: f64,
     paths: Paths,
-}
-
-/// A law as a discrete system ξ⁺ = A·ξ + B·y, σ = C·ξ + D·y for one sample.
-///
-/// y are six or twelve sensor values, m/s² or N, and σ the six leg forces, N.
-#[derive(Clone, Debug)]
-pub struct LawStateSpace {
-    /// A, square, one row for each state.
-    pub a: DMatrix<f64>,
-    /// B, one column for each sensor.
-    pub b: DMatrix<f64>,
-    /// C, six rows, one for each leg.
-    pub c: DMatrix<f64>,
-    /// D, six rows, one column for each sensor.
-    pub d: DMatrix<f64>,
 }
 
 impl LinearLaw {
@@ -102,12 +87,43 @@ impl LinearLaw {
         control
     }
 
-    /// The law as the matrices of a discrete system.
-    pub fn state_space(&self) -> LawStateSpace {
-        let sections = match &self.paths {
+    /// The number of second-order sections of each channel.
+    fn sections(&self) -> usize {
+        match &self.paths {
             Paths::Direct(_) => 0,
             Paths::Modal(modal) => modal.sections,
+        }
+    }
+
+    /// The names and units of the states of [`state_space`](Self::state_space), in their order. Units
+    /// are in ASCII: `N/sqrt(kg)` is that of modal forces, and of √kg·m/s². `sensor` is that of
+    /// the first six sensors.
+    pub fn states(&self, sensor: &'static str) -> Vec<(String, &'static str)> {
+        let (shaped, force) = match self.paths {
+            Paths::Direct(_) => (sensor, "N"),
+            Paths::Modal(_) => (MODAL_FORCE, MODAL_FORCE),
         };
+        let mut groups = vec![
+            ("average1".to_owned(), sensor),
+            ("average2".to_owned(), sensor),
+            ("before".to_owned(), shaped),
+            ("integral".to_owned(), force),
+        ];
+        for section in 1..=self.sections() {
+            groups.extend([1, 2].map(|x| (format!("section{section}_x{x}"), shaped)));
+        }
+        if self.sensors() > LEGS {
+            groups.push(("difference".to_owned(), shaped));
+        }
+        let each =
+            |(name, unit): (String, _)| (1..=LEGS).map(move |i| (format!("{name}_{i}"), unit));
+        groups.into_iter().flat_map(each).collect()
+    }
+
+    /// The law as a discrete system, from six or twelve sensor values, m/s² or N, to the six leg forces,
+    /// N.
+    pub fn state_space(&self) -> DiscreteStateSpace {
+        let sections = self.sections();
         let beside = self.sensors() > LEGS;
         // Six states each: two high-passes, previous input, integral, two for each section, and
         // the low-pass that combines the two kinds of sensors.
@@ -177,7 +193,7 @@ impl LinearLaw {
         };
         let part =
             |all: &DMatrix<f64>, from: usize, count: usize| all.columns(from, count).into_owned();
-        LawStateSpace {
+        DiscreteStateSpace {
             a: part(&law.next, 0, states),
             b: part(&law.next, states, self.sensors()),
             c: part(&force, 0, states),
@@ -185,6 +201,9 @@ impl LinearLaw {
         }
     }
 }
+
+/// The unit of modal forces, and of modal accelerations, √kg·m/s².
+const MODAL_FORCE: &str = "N/sqrt(kg)";
 
 /// The next states as rows of coefficients on the states and inputs before the sample.
 struct Signals {

@@ -83,24 +83,16 @@ pub fn modal(
         output,
     } = ModalTransform::new(model);
     let period = machine.board.period();
-    let complement = machine
-        .board
-        .beside
-        .as_ref()
-        .zip(beside)
-        .map(|(sensor, input)| {
-            let [_, gains] = machine.board.gains.sensors;
-            let calibration = |gain| machine.board.adc.calibration(sensor.sensitivity * gain);
-            Complement {
-                sensors: gains.map(calibration),
-                input: input.map(|x| x as f32),
-                // Without a crossover frequency only the accelerometers act.
-                split: shapes.each_ref().map(|shape| {
-                    let split = shape.split_hz.map(|hz| coefficient(hz, period) as f32);
-                    split.unwrap_or(1.0)
-                }),
-            }
-        });
+    let (_, forces) = machine.board.calibrations();
+    let complement = forces.zip(beside).map(|(sensors, input)| Complement {
+        sensors,
+        input: input.map(|x| x as f32),
+        // Without a crossover frequency only the accelerometers act.
+        split: shapes.each_ref().map(|shape| {
+            let split = shape.split_hz.map(|hz| coefficient(hz, period) as f32);
+            split.unwrap_or(1.0)
+        }),
+    });
     with_paths(
         machine,
         plant,
@@ -148,7 +140,7 @@ fn with_paths(
     let board = &machine.board;
     let period = board.period();
     let frequency = target.frequency;
-    let [gains, _] = board.gains.sensors;
+    let (sensors, _) = board.calibrations();
     let table = Table {
         version: FORMAT_VERSION,
         model: machine.digest,
@@ -158,7 +150,7 @@ fn with_paths(
             FeedbackKind::Acceleration | FeedbackKind::Both => table::Feedback::Acceleration,
             FeedbackKind::Force => table::Feedback::Force,
         },
-        sensors: gains.map(|gain| board.adc.calibration(board.sensor.sensitivity * gain)),
+        sensors,
         adc_max: board.adc.max(),
         ac_coupling: coefficient(AC_COUPLING * frequency, period) as f32,
         ac_limit: f32::MAX,
@@ -167,10 +159,7 @@ fn with_paths(
             leak: coefficient(LEAK * frequency, period) as f32,
             anti_windup: coefficient(ANTI_WINDUP * frequency, period) as f32,
         },
-        actuators: board.gains.actuators.map(|gain| {
-            let gain = board.actuator_gain * gain;
-            board.dac.drive(gain, board.force_limit)
-        }),
+        actuators: board.drives(),
         dac_max: board.dac.max(),
         supervision: supervision(machine),
         self_test: self_test(machine, plant),

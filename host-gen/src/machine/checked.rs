@@ -7,7 +7,7 @@ use nalgebra::{Complex, DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3, Vec
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::LEGS;
-use shared::codes::{Adc, Dac};
+use shared::codes::{Adc, Calibration, Dac, Drive};
 use shared::table::ModelDigest;
 
 use super::error::{EntryError, MachineError};
@@ -532,6 +532,23 @@ impl Board {
         self.latch_delay + 0.5 * self.period()
     }
 
+    /// The calibrations of the sensors that are fed back: of [`sensor`](Self::sensor), and of
+    /// [`beside`](Self::beside).
+    pub fn calibrations(&self) -> ([Calibration; LEGS], Option<[Calibration; LEGS]>) {
+        let of = |sensor: &Sensor, gains: [f64; LEGS]| {
+            gains.map(|gain| self.adc.calibration(sensor.sensitivity * gain))
+        };
+        let [own, beside] = self.gains.sensors;
+        let forces = self.beside.as_ref().map(|sensor| of(sensor, beside));
+        (of(&self.sensor, own), forces)
+    }
+
+    /// The drives of the legs.
+    pub fn drives(&self) -> [Drive; LEGS] {
+        let drive = |gain| self.dac.drive(self.actuator_gain * gain, self.force_limit);
+        self.gains.actuators.map(drive)
+    }
+
     /// The sensors that are fed back, by kind: [`sensor`](Self::sensor), then
     /// [`beside`](Self::beside).
     pub fn fed_back(&self) -> impl Iterator<Item = &Sensor> {
@@ -887,6 +904,16 @@ impl Machine {
             names.extend(legs().map(|&leg| self.beams[leg].name.clone()));
         }
         names
+    }
+
+    /// The units of the sensors of [`sensor_names`](Self::sensor_names), in ASCII: `m/s^2` or `N`.
+    pub fn sensor_units(&self, feedback: FeedbackKind) -> Vec<&'static str> {
+        let kinds: &[_] = match feedback {
+            FeedbackKind::Acceleration => &["m/s^2"],
+            FeedbackKind::Force => &["N"],
+            FeedbackKind::Both => &["m/s^2", "N"],
+        };
+        kinds.iter().flat_map(|unit| [*unit; LEGS]).collect()
     }
 
     /// The motion of the floor: its spectrum, or else white with the rms of `simulation` over the

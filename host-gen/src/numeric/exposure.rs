@@ -1,5 +1,5 @@
-//! What an exposure makes of a vibration: its moving average, and the moving standard deviation
-//! about that.
+//! What is made of a vibration: its displacement, and what an exposure makes of that, its moving
+//! average and the moving standard deviation about it.
 
 use core::f64::consts::{PI, TAU};
 
@@ -8,6 +8,8 @@ use core::f64::consts::{PI, TAU};
 pub enum Measure {
     /// The acceleration itself.
     Acceleration,
+    /// The displacement.
+    Displacement,
     /// The mean of the displacement over an exposure of so many seconds.
     Average(f64),
     /// The standard deviation of the displacement about its mean over such an exposure.
@@ -23,6 +25,7 @@ impl Measure {
         let displacement = (TAU * hz).powi(-4);
         match self {
             Self::Acceleration => 1.0,
+            Self::Displacement => displacement,
             Self::Average(exposure) => in_mean(PI * hz * exposure) * displacement,
             Self::Deviation(exposure) => about_mean(hz, exposure) * displacement,
         }
@@ -89,6 +92,8 @@ mod tests {
                 deviation += around / f64::from(count) / f64::from(phases);
             }
             for (measure, expected) in [
+                // The squares of mean and deviation are that of the whole.
+                (Measure::Displacement, average + deviation),
                 (Measure::Average(exposure), average),
                 (Measure::Deviation(exposure), deviation),
             ] {

@@ -28,16 +28,7 @@ impl Generalised {
     /// outputs.
     pub fn new(plant: &Plant) -> Self {
         let ss = &plant.state_space;
-        let order = |m: &DMatrix<f64>| {
-            let count = plant.performance().len();
-            let sensors = plant.sensors();
-            let mut out = DMatrix::zeros(count + sensors.len(), m.ncols());
-            out.rows_mut(0, count)
-                .copy_from(&m.rows_range(plant.performance()));
-            out.rows_mut(count, sensors.len())
-                .copy_from(&m.rows_range(sensors));
-            out
-        };
+        let order = |m| Self::outputs(plant, m);
         debug_assert_eq!(ss.b.ncols(), INPUTS);
         Self {
             a: ss.a.clone(),
@@ -45,6 +36,19 @@ impl Generalised {
             c: order(&ss.c),
             d: order(&ss.d),
         }
+    }
+
+    /// The rows of `m`, one for each output of `plant`, that are those of the performance outputs, and
+    /// then those of the sensors.
+    pub fn outputs(plant: &Plant, m: &DMatrix<f64>) -> DMatrix<f64> {
+        let count = plant.performance().len();
+        let sensors = plant.sensors();
+        let mut out = DMatrix::zeros(count + sensors.len(), m.ncols());
+        out.rows_mut(0, count)
+            .copy_from(&m.rows_range(plant.performance()));
+        out.rows_mut(count, sensors.len())
+            .copy_from(&m.rows_range(sensors));
+        out
     }
 }
 

@@ -15,4 +15,4 @@ pub mod zeros;
 pub use generalised::Plant;
 pub use response::{Control, Gain, Response};
 pub use sampled::SampledPlant;
-pub use state_space::StateSpace;
+pub use state_space::{DiscreteStateSpace, StateSpace};

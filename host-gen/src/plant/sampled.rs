@@ -8,6 +8,7 @@ use shared::LEGS;
 use super::generalised::Plant;
 use super::lags::Lagged;
 use super::response::{Response, ResponsePart, continuous, contour, gains};
+use super::state_space::{DiscreteStateSpace, INPUTS};
 use crate::machine::Board;
 use crate::numeric::frequencies::pole_peaks;
 
@@ -226,6 +227,62 @@ impl SampledPlant {
                 gains: gains(poles, passes),
             }),
         }
+    }
+
+    /// The sampled plant as a discrete system, from the floor accelerations at the samples, m/s², and
+    /// the leg forces that are computed from the samples, N, to all outputs at the samples, in the rows
+    /// of the continuous plant.
+    ///
+    /// A sample sees no force that is computed from it: the last six columns of D are zero. The states
+    /// are those of the plant's poles, of no unit, one for a real pole and two for a pair, and then the
+    /// forces that are computed but still act or have yet to, N, the newest six first. Between samples
+    /// the floor acceleration f is straight, so the states of the poles at a sample, ξ, are ξ̃ + E·f with
+    /// the effect E of its value at the end of the period; ξ̃ is the state here.
+    pub fn discrete(&self) -> DiscreteStateSpace {
+        let plant = self.state_space();
+        let n = plant.output.ncols();
+        let delays = self.seen_delay();
+        let states = n + LEGS * delays;
+        let held = |age: usize| n + LEGS * (age - 1);
+        let mut a = DMatrix::zeros(states, states);
+        let mut b = DMatrix::zeros(states, INPUTS);
+        b.view_mut((held(1), LEGS), (LEGS, LEGS))
+            .fill_with_identity();
+        for age in 2..=delays {
+            a.view_mut((held(age), held(age - 1)), (LEGS, LEGS))
+                .fill_with_identity();
+        }
+        let mut old = a.view_mut((0, held(delays)), (n, LEGS));
+        old += &plant.change.before;
+        match self.whole_periods {
+            0 => b
+                .view_mut((0, LEGS), (n, LEGS))
+                .copy_from(&plant.change.after),
+            age => a
+                .view_mut((0, held(age)), (n, LEGS))
+                .copy_from(&plant.change.after),
+        }
+        for (at, z, pair) in plant.blocks {
+            a[(at, at)] += z.re;
+            if pair {
+                a[(at, at + 1)] -= z.im;
+                a[(at + 1, at)] += z.im;
+                a[(at + 1, at + 1)] += z.re;
+            }
+        }
+        let end = &plant.change.next;
+        let by_floor = a.view((0, 0), (n, n)) * end + &plant.change.now;
+        b.view_mut((0, 0), (n, LEGS)).copy_from(&by_floor);
+
+        let direct = self.direct();
+        let mut c = DMatrix::zeros(direct.nrows(), states);
+        c.columns_mut(0, n).copy_from(&plant.output);
+        c.columns_mut(held(delays), LEGS)
+            .copy_from(&direct.columns(LEGS, LEGS));
+        let mut d = DMatrix::zeros(direct.nrows(), INPUTS);
+        d.columns_mut(0, LEGS)
+            .copy_from(&(plant.output * end + direct.columns(0, LEGS)));
+        DiscreteStateSpace { a, b, c, d }
     }
 
     /// The sampled plant as real matrices, for simulation and for eigenvalues.

@@ -23,6 +23,19 @@ pub struct StateSpace {
     pub d: DMatrix<f64>,
 }
 
+/// A discrete linear system ξ⁺ = A·ξ + B·u, y = C·ξ + D·u for one sample.
+#[derive(Clone, Debug)]
+pub struct DiscreteStateSpace {
+    /// A, square, one row for each state.
+    pub a: DMatrix<f64>,
+    /// B, one column for each input.
+    pub b: DMatrix<f64>,
+    /// C, one row for each output.
+    pub c: DMatrix<f64>,
+    /// D, with the rows of C and the columns of B.
+    pub d: DMatrix<f64>,
+}
+
 /// The outputs in terms of z̈, ż, z, q̈_r and σ, each with one row for each output:
 /// y = acceleration·z̈ + velocity·ż + displacement·z + floor·q̈_r + actuators·σ.
 pub(super) struct Outputs {

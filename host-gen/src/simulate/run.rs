@@ -1,6 +1,8 @@
 //! The open and the closed loop in time, on the step that the firmware runs.
 
+use nalgebra::DVectorView;
 use serde::Serialize;
+use shared::LEGS;
 use shared::step::{Demand, State, step};
 use shared::table::ValidTable;
 
@@ -50,56 +52,180 @@ pub fn reports(settings: &Simulation, board: &Board) -> usize {
 }
 
 fn watched(
-    mut rig: Rig,
+    rig: Rig,
     board: &Board,
     settings: &Simulation,
     table: &ValidTable,
     closed: bool,
     progress: &dyn Progress,
 ) -> Run {
-    let count = rig.plant().plant.performance().len();
-    let mut run = Run {
-        rms: vec![0.0; count],
-        peak: vec![0.0; count],
-        force_peak: 0.0,
-        clamped_steps: 0,
-        railed_steps: 0,
-        steps: steps(settings.duration, board),
-    };
-    let settling = steps(settings.settling, board);
-    let safe = table.safe_codes();
-    let mut state = None;
-    for k in 0..settling + run.steps {
+    let mut running = Running::new(rig, board, settings, table, closed);
+    for k in 0..running.all() {
         if k % REPORTED == 0 {
             progress.advance();
         }
-        let adc = rig.sample();
-        let mut dac = safe;
-        if closed {
-            let state = state.get_or_insert_with(|| State::settled_on(table, adc));
+        running.step();
+    }
+    running.end()
+}
+
+/// A simulation between two steps.
+struct Running<'a> {
+    rig: Rig,
+    board: &'a Board,
+    table: &'a ValidTable,
+    closed: bool,
+    /// None until the first sample.
+    state: Option<State>,
+    /// Steps left until the loop counts as settled.
+    settling: usize,
+    /// Sums of squares in place of the rms.
+    run: Run,
+}
+
+impl<'a> Running<'a> {
+    fn new(
+        rig: Rig,
+        board: &'a Board,
+        settings: &Simulation,
+        table: &'a ValidTable,
+        closed: bool,
+    ) -> Self {
+        let count = rig.plant().plant.performance().len();
+        Self {
+            rig,
+            board,
+            table,
+            closed,
+            state: None,
+            settling: steps(settings.settling, board),
+            run: Run {
+                rms: vec![0.0; count],
+                peak: vec![0.0; count],
+                force_peak: 0.0,
+                clamped_steps: 0,
+                railed_steps: 0,
+                steps: steps(settings.duration, board),
+            },
+        }
+    }
+
+    /// The number of all steps, before the first one.
+    fn all(&self) -> usize {
+        self.settling + self.run.steps
+    }
+
+    /// One step: the performance outputs, m/s², and the forces commanded, N.
+    fn step(&mut self) -> (DVectorView<'_, f64>, [f64; LEGS]) {
+        let Self {
+            table, board, run, ..
+        } = self;
+        let settled = self.settling == 0;
+        self.settling = self.settling.saturating_sub(1);
+        let adc = self.rig.sample();
+        let mut dac = table.safe_codes();
+        if self.closed {
+            let state = self
+                .state
+                .get_or_insert_with(|| State::settled_on(table, adc));
             let output = step(table, state, adc, Demand::LAW);
             dac = output.dac;
-            if k >= settling {
+            if settled {
                 run.clamped_steps += usize::from(output.status.clamped);
                 run.railed_steps += usize::from(output.status.at_rail());
             }
         }
-        let performance = rig.advance(dac);
-        if k >= settling {
+        let performance = self.rig.advance(dac);
+        let forces: [f64; LEGS] = core::array::from_fn(|leg| {
+            let gain = board.actuator_gain * board.gains.actuators[leg];
+            board.dac.force(dac[leg], gain)
+        });
+        if settled {
             for (i, x) in performance.iter().enumerate() {
                 run.rms[i] += x * x;
                 run.peak[i] = run.peak[i].max(x.abs());
             }
-            for (code, gain) in dac.into_iter().zip(board.gains.actuators) {
-                let force = board.dac.force(code, board.actuator_gain * gain);
+            for force in forces {
                 run.force_peak = run.force_peak.max(force.abs());
             }
         }
+        (performance, forces)
     }
-    for rms in &mut run.rms {
-        *rms = (*rms / run.steps as f64).sqrt();
+
+    /// The results after the last step.
+    fn end(self) -> Run {
+        let mut run = self.run;
+        for rms in &mut run.rms {
+            *rms = (*rms / run.steps as f64).sqrt();
+        }
+        run
     }
-    run
+}
+
+/// One sample of the open and the closed loop on the same floor.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment<'a> {
+    /// Time after settling, s.
+    pub time: f64,
+    /// Performance outputs without control, m/s²: the mean of each over the period.
+    pub open: DVectorView<'a, f64>,
+    /// The same with the loop closed.
+    pub closed: DVectorView<'a, f64>,
+    /// Forces commanded to the legs with the loop closed, N.
+    pub forces: [f64; LEGS],
+}
+
+/// Gives each evaluated sample of the runs of [`compare`] to `each`, until that fails.
+///
+/// # Errors
+/// What `each` gives.
+pub fn histories<E>(
+    plant: &SampledPlant,
+    board: &Board,
+    settings: &Simulation,
+    table: &ValidTable,
+    record: Option<&Record>,
+    mut each: impl FnMut(Moment<'_>) -> Result<(), E>,
+) -> Result<(), E> {
+    let running = |closed| {
+        let rig = on_floor(plant, board, settings, record);
+        Running::new(rig, board, settings, table, closed)
+    };
+    let [mut open, mut closed] = [running(false), running(true)];
+    for _ in 0..open.settling {
+        open.step();
+        closed.step();
+    }
+    for k in 0..open.run.steps {
+        let (open, _) = open.step();
+        let (closed, forces) = closed.step();
+        each(Moment {
+            time: k as f64 * plant.period,
+            open,
+            closed,
+            forces,
+        })?;
+    }
+    Ok(())
+}
+
+/// The machine at rest on the floor of `settings` or on a record.
+fn on_floor(
+    plant: &SampledPlant,
+    board: &Board,
+    settings: &Simulation,
+    record: Option<&Record>,
+) -> Rig {
+    let rig = Rig::new(plant.clone(), board, settings);
+    match record {
+        Some(record) => rig.on(record),
+        None => rig,
+    }
+}
+
+/// The number of evaluated steps of a simulation.
+pub fn evaluated(settings: &Simulation, board: &Board) -> usize {
+    steps(settings.duration, board)
 }
 
 fn steps(seconds: f64, board: &Board) -> usize {
@@ -140,11 +266,8 @@ pub fn compare(
     progress: &dyn Progress,
 ) -> Comparison {
     let one = |closed| {
-        let rig = Rig::new(plant.clone(), board, settings);
-        let rig = match &record {
-            Some((record, _)) => rig.on(record),
-            None => rig,
-        };
+        let record = record.as_ref().map(|(record, _)| *record);
+        let rig = on_floor(plant, board, settings, record);
         watched(rig, board, settings, table, closed, progress)
     };
     let (open, closed) = rayon::join(|| one(false), || one(true));

@@ -5,6 +5,17 @@ use std::fmt::{self, Display, Formatter};
 use super::aligned::{TITLE, WARNING, cells, write_table};
 use crate::analysis::floors::{FloorAnalysis, SourceShares};
 
+/// An rms in the unit in which it is shown: where that is not the unit of the result, the numbers are
+/// neither large nor small, and need no power of ten.
+fn shown(rms: &SourceShares) -> String {
+    let x = rms.shown_rms;
+    if rms.shown_unit == rms.unit || !(1e-3..1e6).contains(&x) {
+        return format!("{x:.2e}");
+    }
+    let decimals = (2.0 - x.log10().floor()).max(0.0) as usize;
+    format!("{x:.decimals$}")
+}
+
 impl FloorAnalysis {
     /// Writes the rms values of both sides.
     fn write_rms(&self, f: &mut Formatter<'_>, sides: [&[SourceShares]; 2]) -> fmt::Result {
@@ -12,8 +23,8 @@ impl FloorAnalysis {
         head.extend(self.sources.map(|source| format!("from {source}")));
         let [open, closed] = sides;
         let rows = open.iter().zip(closed).map(|(open, closed)| {
-            let mut row = cells([&closed.name, closed.unit]);
-            row.extend([open.rms, closed.rms].map(|x| format!("{x:.2e}")));
+            let mut row = cells([&closed.name, closed.shown_unit]);
+            row.extend([open, closed].map(shown));
             row.extend(closed.shares.map(|share| format!("{:.1} %", 100.0 * share)));
             row
         });

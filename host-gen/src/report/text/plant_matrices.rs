@@ -20,7 +20,7 @@ impl Display for PlantMatrices {
         }
         writeln!(
             f,
-            "  The matrices: --format json, or --matrix-market FOLDER."
+            "  The matrices: --format json, --mat FILE or --matrix-market FOLDER."
         )
     }
 }

@@ -244,7 +244,7 @@ function budgets(m) {
   const parts = [["sample to latch", d.latch], ["hold, half a period", d.hold], ["amplifier", d.amplifier], ["sensor", d.sensor]].filter(([, s]) => s > 0);
   const stack = parts.map(([name, s], i) => `<div style="width:${(100 * s) / d.whole}%;background:${DELAYS[i]}">${name}, ${fixed(1e6 * s)} µs</div>`).join("");
   const f = m.closed.floor;
-  const rms = f.closed.rms.map((r, i) => [escape(r.name), r.unit, short(f.open.rms[i].rms, 3), short(r.rms, 3), ...r.shares.map((x) => `${fixed(100 * x)} %`)]);
+  const rms = f.closed.rms.map((r, i) => [escape(r.name), r.shown_unit, short(f.open.rms[i].shown_rms, 3), short(r.shown_rms, 3), ...r.shares.map((x) => `${fixed(100 * x)} %`)]);
   const rounding = m.closed.design.rounding.map((r) => [`${short(r.hz)} Hz`, fixed(r.over_noise_db, 0), fixed(r.codes_over_noise_db, 0)]);
   return `<h3>Delay: ${fixed(1e6 * d.whole)} µs in total</h3><div class="stack">${stack}</div>
     <h3>Sources of the motion</h3><p class="note">rms from ${short(f.low_hz)} to ${short(f.high_hz)} Hz, on a floor at the limit of ${escape(f.floor)}. The shares are those of the power with the loop closed.</p>

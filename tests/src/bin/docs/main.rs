@@ -27,6 +27,7 @@ use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use clap::Parser;
 use near::{NEAR, Tolerance};
 use page::Page;
+use serde_json::Value;
 use snapbox::{Assert, IntoData as _};
 
 /// Follows the documentation's links and runs its commands. From the project's folder,
@@ -42,6 +43,9 @@ struct Cli {
     /// The program behind `cargo xtask`.
     #[arg(long, default_value = "target/release/xtask")]
     xtask: PathBuf,
+    /// A Python with NumPy and SciPy: runs the notebook, which is not run without.
+    #[arg(long)]
+    python: Option<PathBuf>,
     /// Only these pages, for example docs/tutorial.md; without any, README.md and the book.
     pages: Vec<PathBuf>,
 }
@@ -128,6 +132,45 @@ fn run(cli: &Cli) -> Result<()> {
         let found = Session::new(&program, &xtask)?.run(CAMPAIGN)?;
         alike(&found, &fs::read_to_string(FAULTS)?, MOVED).context(FAULTS)?;
     }
+    if let Some(python) = &cli.python {
+        println!("{NOTEBOOK}");
+        notebook(python, &Session::new(&program, &xtask)?).context(NOTEBOOK)?;
+    }
+    Ok(())
+}
+
+/// From a machine file to plots in Python.
+const NOTEBOOK: &str = "docs/notebook.ipynb";
+
+/// Runs the cells with code one after the other, and follows the links in the others.
+fn notebook(python: &Path, session: &Session) -> Result<()> {
+    let notebook: Value = serde_json::from_str(&fs::read_to_string(NOTEBOOK)?)?;
+    let (mut code, mut words) = (String::new(), String::new());
+    for cell in notebook["cells"].as_array().context("it has no cells")? {
+        let lines = cell["source"].as_array().context("a cell has no lines")?;
+        let to = match cell["cell_type"].as_str() {
+            Some("code") => &mut code,
+            _ => &mut words,
+        };
+        to.extend(lines.iter().filter_map(Value::as_str));
+        to.push_str("\n\n");
+    }
+    for link in &Page::new(&words).links {
+        follow(Path::new(NOTEBOOK), link).with_context(|| link.clone())?;
+    }
+    // A path is from here, a name on the path.
+    let python = match python.components().count() {
+        1 => python.to_owned(),
+        _ => std::path::absolute(python)?,
+    };
+    let status = Command::new(python)
+        .args(["-c", &code])
+        .env("HOST_GEN", &session.program)
+        // If there is Matplotlib, it opens no window.
+        .env("MPLBACKEND", "Agg")
+        .current_dir(session.folder.path())
+        .status()?;
+    ensure!(status.success(), "{status}");
     Ok(())
 }
 
