@@ -11,6 +11,8 @@ pub struct Chart {
     pub title: String,
     /// What it shows and how to read it.
     pub note: String,
+    /// What the styles of its lines mean; empty if the names of the series say it.
+    pub styles: String,
     /// Horizontal axis.
     pub x: Axis,
     /// Vertical axis.
@@ -34,6 +36,7 @@ impl Chart {
             id,
             title: title.into(),
             note: note.into(),
+            styles: String::new(),
             x,
             y,
             series,
@@ -41,6 +44,9 @@ impl Chart {
         }
     }
 }
+
+/// What the lines of charts that compare machines mean.
+const COMPARED: &str = "Each machine has its colour. Dashed: without control. Solid: with control.";
 
 /// An axis of a chart.
 #[derive(Clone, Debug, Serialize)]
@@ -262,7 +268,9 @@ fn unit_places<'a>(axis: &Axis, values: impl Iterator<Item = &'a [f64]>) -> Vec<
         Scale::Log => x.log10(),
         Scale::Linear | Scale::Equal => *x,
     };
-    let mut lists: Vec<Vec<f64>> = values.map(|list| list.iter().map(place).collect()).collect();
+    let mut lists: Vec<Vec<f64>> = values
+        .map(|list| list.iter().map(place).collect())
+        .collect();
     let [low, high] = axis.range.map_or_else(
         || {
             let all = lists.iter().flatten().filter(|x| x.is_finite());
@@ -308,7 +316,7 @@ fn lies_on(one: &[[f64; 2]], other: &[[f64; 2]]) -> bool {
 
 /// Charts that compare machines, each given with its name: for every chart that all
 /// machines have, one chart with the main series of all. Each machine has its colour; lines without
-/// control are dashed.
+/// control are dashed. Where rows have names, each machine has the rows that its main series are in.
 pub fn laid_over(machines: &[(String, &[Chart])]) -> Vec<Chart> {
     let Some(((_, first), others)) = machines.split_first() else {
         return Vec::new();
@@ -319,21 +327,41 @@ pub fn laid_over(machines: &[(String, &[Chart])]) -> Vec<Chart> {
             return None;
         }
         let mut series = Vec::new();
+        let mut rows: Vec<String> = Vec::new();
         for (n, (machine, charts)) in machines.iter().enumerate() {
-            let own = charts.iter().filter(|other| other.id == chart.id);
-            for main in own.flat_map(|own| own.series.iter().filter(|s| s.main)) {
-                let mut main = main.clone();
-                main.name = format!("{machine}: {}", main.name);
-                // The colour tells the machine, so the line tells what is without control.
-                if main.colour == Colour::Open && main.style == Style::Line {
-                    main.style = Style::Dashed;
+            for own in charts.iter().filter(|other| other.id == chart.id) {
+                for main in own.series.iter().filter(|s| s.main) {
+                    let mut main = main.clone();
+                    main.name = format!("{machine}: {}", main.name);
+                    // The colour tells the machine, so the line tells what is without control.
+                    if main.colour == Colour::Open && main.style == Style::Line {
+                        main.style = Style::Dashed;
+                    }
+                    main.colour = Colour::Nth(n);
+                    for y in &mut main.y {
+                        if let Some(name) = own.y.names.get(*y as usize) {
+                            let name = format!("{machine}: {name}");
+                            let row = rows.iter().position(|row| *row == name);
+                            *y = row.unwrap_or(rows.len()) as f64;
+                            if row.is_none() {
+                                rows.push(name);
+                            }
+                        }
+                    }
+                    series.push(main);
                 }
-                main.colour = Colour::Nth(n);
-                series.push(main);
             }
         }
+        let mut y = chart.y.clone();
+        if !rows.is_empty() {
+            y = y.from_to(-0.5, rows.len() as f64 - 0.5);
+        }
+        let lines = series.iter().any(|s| s.style == Style::Dashed);
+        let styles = if lines { COMPARED } else { "" };
         (!series.is_empty()).then(|| Chart {
             series,
+            styles: styles.to_owned(),
+            y: Axis { names: rows, ..y },
             ..chart.clone()
         })
     });

@@ -60,13 +60,17 @@ pub fn sigma(sigma: &SigmaAnalysis, own: FeedbackKind) -> Chart {
             }
         }
     });
-    Chart::new(
+    let chart = Chart::new(
         "sigma",
         "From the floor to the performance outputs: σ_max(G11)",
-        "The worst-case gain from the floor to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better. Dashed: the ideal law, without delay or sampling. Solid: the sampled, delayed law, as on the board.",
+        "The worst-case gain from the floor to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better.",
         [hertz(), Axis::linear("σ_max(G11), dB")],
         series.collect(),
-    )
+    );
+    Chart {
+        styles: "Dashed: the ideal law, without delay or sampling. Solid: the sampled, delayed law, as on the board.".to_owned(),
+        ..chart
+    }
 }
 
 /// Transmissibility from the floor to the machine as a whole.
@@ -355,13 +359,16 @@ pub fn vibration(floor: &str, [open, closed]: &[NoiseBudget; 2]) -> [Chart; 2] {
             [hertz().from_to(0.9, 100.0), Axis::log("velocity, µm/s rms")],
             series,
         ),
-        Chart::new(
-            "spectrum",
-            "Spectrum of the performance, and its sources",
-            "Amplitude density of all performance outputs together. The dashed lines are the parts of floor, sensor noise and converters in the closed loop: the noise budget by frequency.",
-            [hertz(), Axis::log("m/s²/√Hz")],
-            spectrum,
-        ),
+        Chart {
+            styles: "The dashed lines are the parts of floor, sensor noise and converters in the closed loop: the noise budget by frequency.".to_owned(),
+            ..Chart::new(
+                "spectrum",
+                "Spectrum of the performance, and its sources",
+                "Amplitude density of all performance outputs together.",
+                [hertz(), Axis::log("m/s²/√Hz")],
+                spectrum,
+            )
+        },
     ]
 }
 

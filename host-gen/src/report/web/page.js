@@ -91,28 +91,29 @@ function span(chart, key) {
   return chart[key].range ?? [-largest(seen.map((x) => -x)), largest(seen)];
 }
 
-/// The axis `key`, "x" or "y", of a chart. The ticks of one axis have one notation: decimal, or
-/// powers of ten.
-function axis(chart, key, narrow) {
+/// The axis `key`, "x" or "y", of a chart, `length` pixels long. The ticks of one axis have one
+/// notation: decimal, or powers of ten.
+function axis(chart, key, length) {
   const from = chart[key];
   const log = from.scale === "log";
   const [low, high] = span(chart, key);
   const decades = log ? Math.log10(high / low) : 0;
   const plain = !log || (low > 4e-4 && high < 5e5);
-  // 0.1, 0.2, 0.5, 1 of frequencies where there is room; of many decades these only.
-  const fine = key === "x" && !narrow;
-  const ticks = log ? (decades > 1.5 && !fine ? { dtick: 1 } : { dtick: "D2" }) : {};
+  // 0.1, 0.2, 0.5, 1 where there is room, or else whole decades.
+  const room = length / decades;
+  const coarse = { dtick: Math.ceil((key === "x" ? 40 : 26) / room) };
+  const ticks = !log ? {} : plain && room > (key === "x" ? 150 : 90) ? { dtick: "D2" } : coarse;
   return {
     title: { text: rich(from.label) }, type: log ? "log" : "linear",
     range: from.range ? from.range.map((x) => (log ? Math.log10(x) : x)) : undefined,
-    gridcolor: "#e4e8eb", zeroline: false, ticks: "outside", tickcolor: "#9aa5ad", automargin: true, exponentformat: "power",
+    gridcolor: "#e4e8eb", zeroline: false, ticks: "outside", tickangle: 0, tickcolor: "#9aa5ad", automargin: true, exponentformat: "power",
     ...ticks, ...(log && plain ? { tickformat: "~f" } : {}),
     ...(from.names.length ? { tickvals: from.names.map((_, i) => i), ticktext: from.names.map(rich) } : {}),
   };
 }
 
 function chart(c) {
-  return `<figure><h3>${rich(c.title)}</h3><p class="note">${rich(c.note)}</p><div class="chart${c.x.scale === "equal" ? " square" : ""}" data-chart="${c.id}"></div></figure>`;
+  return `<figure><h3>${rich(c.title)}</h3><p class="note">${rich(c.note)} ${rich(c.styles)}</p><div class="chart${c.x.scale === "equal" ? " square" : ""}" data-chart="${c.id}"></div></figure>`;
 }
 
 /// The names of limits, at their right ends.
@@ -121,7 +122,7 @@ function limits(c) {
   const own = c.series.filter((s) => s.style === "limit" && s.shown && c.x.scale !== "equal");
   return own.map((s) => ({
     x: place(c.x, s.x[s.x.length - 1]), y: place(c.y, s.y[s.y.length - 1]), text: rich(s.name),
-    showarrow: false, xanchor: "right", yanchor: "bottom", font: { size: 11, color: colour(s) },
+    showarrow: false, xanchor: "right", yanchor: "bottom", borderpad: 0, font: { size: 10 },
   }));
 }
 
@@ -143,29 +144,35 @@ function rows(c) {
 const NARROW = 560;
 
 /// Pixels above and below the plot.
-const ABOVE = 12, BELOW = 54;
+const ABOVE = 34, BELOW = 58;
 
-/// Draws a chart into its place, as wide as that is now. The legend stands below all else and adds
-/// to the height.
+/// Whether the page is being printed.
+const on_paper = () => document.documentElement.classList.contains("paper");
+
+/// Draws a chart into its place, as wide as that is now. The buttons stand above all else; the legend
+/// stands below it and adds to the height.
 function draw(place, c) {
   const narrow = place.clientWidth < NARROW;
-  const x = axis(c, "x", narrow), y = axis(c, "y", narrow);
+  place.style.height = "";
+  const height = place.clientHeight;
+  const x = axis(c, "x", place.clientWidth), y = axis(c, "y", height - ABOVE - BELOW);
   if (c.x.scale === "equal") y.scaleanchor = "x";
   const named = narrow && c.y.names.length > 0;
   if (named) y.showticklabels = false;
-  place.style.height = "";
-  const height = place.clientHeight;
   const layout = (legend) => ({
     xaxis: x, yaxis: y, hovermode: "closest", hoverdistance: 40, uirevision: c.id,
     width: place.clientWidth, height: height + legend,
     margin: { l: narrow ? 44 : 70, r: narrow ? 8 : 20, t: ABOVE, b: BELOW + legend }, paper_bgcolor: "#fff", plot_bgcolor: "rgba(0,0,0,0)",
     font: { family: "inherit", size: narrow ? 12 : 13, color: "#1f2a33" },
-    legend: { orientation: "h", x: 0, xanchor: "left", y: -BELOW / (height - ABOVE - BELOW), yanchor: "top", bgcolor: "rgba(0,0,0,0)" },
+    legend: { orientation: "h", x: 0, xanchor: "left", yref: "container", y: 0, yanchor: "bottom", bgcolor: "rgba(0,0,0,0)" },
+    modebar: { bgcolor: "rgba(0,0,0,0)" },
     annotations: [...limits(c), ...marks(c), ...(named ? rows(c) : [])],
     shapes: c.marks.map(([at]) => ({ type: "line", x0: at, x1: at, y0: 0, y1: 1, yref: "paper", line: { color: "#9aa5ad", width: 1 } })),
   });
-  const config = { displaylogo: false, scrollZoom: false, toImageButtonOptions: { format: "svg", filename: c.id } };
-  const traces = c.series.map((s) => trace(s, c));
+  const config = { displaylogo: false, scrollZoom: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]], toImageButtonOptions: { format: "svg", filename: c.id } };
+  // Paper cannot be clicked: there, what is hidden is not listed.
+  const hidden = (i) => on_paper() && place._fullData?.[i].visible === "legendonly";
+  const traces = c.series.map((s, i) => ({ ...trace(s, c), ...(hidden(i) ? { showlegend: false } : {}) }));
   Plotly.react(place, traces, layout(0), config);
   const legend = place.querySelector(".legend .bg");
   if (legend) {
@@ -185,7 +192,7 @@ function draw_charts(host, charts) {
 const of_kind = (m, kind) => m.modes.modes.filter((mode) => mode.kind === kind).map((mode) => mode.hz);
 
 function charts_of(m, ...ids) {
-  return ids.map((id) => m.charts.find((c) => c.id === id)).filter(Boolean).map(chart).join("");
+  return `<div class="figures">${ids.map((id) => m.charts.find((c) => c.id === id)).filter(Boolean).map(chart).join("")}</div>`;
 }
 
 function waiting(m) {
@@ -234,7 +241,7 @@ function machine(m) {
     ...mode.kinetic.map((k) => `${fixed(100 * k.share)} %`)]);
   const head = ["#", "Hz", "kind", "modal mass, kg", "strain energy in legs", ...m.modes.modes[0].kinetic.map((k) => `kinetic, ${escape(k.name)}`)];
   const loads = m.modes.leg_loads.map((l) => [escape(l.beam), fixed(l.axial_force), l.buckling_load === null ? "–" : fixed(l.buckling_load)]);
-  return `<p>Drag to rotate, scroll to zoom, point at a part to see its data.</p>
+  return `<p class="controls">Drag to rotate, scroll to zoom, point at a part to see its data.</p>
     <div class="view"><div class="stage" id="scene"></div><div id="energies"></div></div>
     <div class="controls"><button id="play" aria-pressed="true">moving</button><button id="rest">at rest</button>
       <label>amplitude <input id="amplitude" type="range" min="0.01" max="0.2" step="0.005" value="0.08"></label>
@@ -266,7 +273,7 @@ function zeros(m) {
   const tables = m.zeros.kinds.map((kind) => {
     const rows = kind.zeros.map((z) => [fixed(z.hz, 3), fixed(z.damping, 4), fixed(z.nearest_closed_loop_hz, 3)]);
     const warning = kind.unstable ? `<p class="warning">A zero is unstable: the machine with its sensor outputs held at zero is unstable, and no gain of this kind of feedback can stabilise it.</p>` : "";
-    return `<h3>Zeros, ${kind.feedback} feedback</h3>${warning}${table(["zero, Hz", "damping", "nearest pole of the ideal loop, Hz"], rows, 0)}`;
+    return `<div><h3>Zeros, ${kind.feedback} feedback</h3>${warning}${table(["zero, Hz", "damping", "nearest ideal pole, Hz"], rows, 0)}</div>`;
   });
   let poles = "";
   if (m.closed) {
@@ -275,7 +282,7 @@ function zeros(m) {
     const rows = Array.from({ length: Math.max(p.open.length, p.ideal.length, p.sampled.length) }, (_, i) => [...cell(p.open, i), ...cell(p.ideal, i), ...cell(p.sampled, i)]);
     poles = `<details><summary>All poles, ${m.feedback} feedback</summary>${table(["open, Hz", "damping", "ideal, Hz", "damping", "sampled, Hz", "damping"], rows, 0)}</details>`;
   }
-  return `${charts_of(m, "frequencies")}${tables.join("")}${poles}`;
+  return `${charts_of(m, "frequencies")}<div class="columns">${tables.join("")}</div>${poles}`;
 }
 
 function loop(m) {
@@ -344,7 +351,7 @@ function gains(m) {
   };
   const sensing = (g) => matrix(`T_c, Eq. (15), ${g.feedback} feedback`, g.sensing);
   return `<p>The ideal gains for ${short(m.frequency_hz)} Hz and damping ${short(m.damping)}. Rows of ${rich("K_a and K_v, K_P and K_I")} are legs, columns are sensors. The colour shows the magnitude: blue is positive, orange negative. The board runs them mode by mode, with the roll-off above.</p>
-    <div class="matrices">${m.gains.map(pair).join("")}${m.gains.map(sensing).join("")}</div><details><summary>The design model</summary><div class="matrices">
+    <div class="columns">${m.gains.map(pair).join("")}${m.gains.map(sensing).join("")}</div><details><summary>The design model</summary><div class="columns">
     ${matrix("M_d, kg, Eq. (13)", first.mass, first.actuators, first.actuators)}${matrix("K_d, N/m, Eq. (13)", first.stiffness, first.actuators, first.actuators)}${matrix("S, 1/√kg, Eq. (17)", first.modal, null, first.actuators)}</div></details>`;
 }
 
@@ -390,7 +397,7 @@ function side_by_side(both) {
   const settings = differences.map(([key, values]) => [`<code>${escape(key)}</code>`, ...values.map((v) => (v === null ? "–" : `<code>${escape(v)}</code>`))]);
   return `<section id="compared"><h2>Side by side</h2><p class="note">Rows with unequal values are marked.</p>${table(["", ...names.map(escape)], rows, 1 + names.length, unequal)}
     <h3>Settings that differ</h3>${settings.length ? table(["", ...names.map(escape)], settings, 1 + names.length) : "<p>None: the files are equivalent.</p>"}
-    ${both.charts.map(chart).join("")}</section>`;
+    <div class="figures">${both.charts.map(chart).join("")}</div></section>`;
 }
 
 // ---- the page
