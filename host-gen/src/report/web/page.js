@@ -330,7 +330,7 @@ function vibration(m) {
   const f = m.closed.floor;
   const meets = (side) => side.criterion ?? "none of VC-A to VC-G";
   const rows = f.closed.thirds.map((t, i) => [fixed(t.hz), short(1e6 * f.open.thirds[i].velocity, 3), short(1e6 * t.velocity, 3), t.dominant]);
-  return `<p>On a floor at the limit of ${escape(f.floor)}, the frame meets ${meets(f.open)} without control and ${meets(f.closed)} with control. A leg needs up to ${short(f.legs.rms, 3)} N rms; three sigma are ${short(f.legs.three_sigma, 3)} N, the limit is ${short(f.legs.limit, 3)} N.</p>${warned(f.warnings)}${charts_of(m, "vibration", "spectrum")}
+  return `<div class="together"><p>On a floor at the limit of ${escape(f.floor)}, the frame meets ${meets(f.open)} without control and ${meets(f.closed)} with control. A leg needs up to ${short(f.legs.rms, 3)} N rms; three sigma are ${short(f.legs.three_sigma, 3)} N, the limit is ${short(f.legs.limit, 3)} N.</p>${warned(f.warnings)}${charts_of(m, "vibration", "spectrum")}</div>
     <details><summary>One-third octaves</summary>${table(["Hz", "open, µm/s", "closed, µm/s", "main source, closed"], rows, 0)}</details>`;
 }
 

@@ -4,6 +4,7 @@
 //! lies on another or is cut off.
 #![forbid(unsafe_code)]
 
+mod sheets;
 mod webdriver;
 
 use std::fs;
@@ -21,6 +22,7 @@ use host_gen::report::chart::Chart;
 use host_gen::report::page::page;
 use host_gen::report::{Report, Review};
 use serde_json::Value;
+use sheets::Sheets;
 use webdriver::Browser;
 
 /// Looks at the page of `host-gen report` and `host-gen watch` in Chromium.
@@ -51,10 +53,6 @@ const WINDOWS: [u32; 2] = [1400, 390];
 
 /// A4 in pixels between the margins of the page, 14 mm.
 const PAPER: [f64; 2] = [688.0, 1017.0];
-
-/// Lowest place of a heading above the lower edge of its sheet, points: the margin, the heading and
-/// two lines.
-const LOWEST_HEADING: f64 = 40.0 + 50.0;
 
 /// Most sheets of the page of one machine.
 const SHEETS: usize = 12;
@@ -324,29 +322,23 @@ impl<'a> Seen<'a> {
         Ok(())
     }
 
-    /// Printed, every heading has on its sheet some of what it is the heading of. The number of
-    /// sheets.
+    /// Printed, every heading has on its sheet what it is the heading of. The number of sheets.
     fn printed(&self, pictures: &Path, name: &str) -> Result<usize> {
         let pdf = self.browser.print()?;
         fs::write(pictures.join(name).with_extension("pdf"), &pdf)?;
         let text = String::from_utf8_lossy(&pdf);
-        // An entry of the outline: `/Title (…)`, then `/Dest [SHEET 0 R /XYZ x y 0]`.
-        let mut count = 0.0;
-        for entry in text.split("/Title ").skip(1) {
-            let Some((title, place)) = entry.split_once("\n/Dest [") else {
-                continue;
-            };
-            let y: f64 = place
-                .split_ascii_whitespace()
-                .nth(5)
-                .with_context(|| format!("the place of {title}"))?
-                .parse()?;
-            ensure!(y > LOWEST_HEADING, "the heading {title} is alone at {y} pt");
-            count += 1.0;
-        }
-        let headings = self.number("document.querySelectorAll('h1, h2, h3').length")?;
-        ensure!(count == headings, "{count} of {headings} headings printed");
-        Ok(text.matches("<</Type /Page\n").count())
+        let sheets = Sheets::new(&text);
+        let headings = sheets.headings();
+        let there = self.number("document.querySelectorAll('h1, h2, h3').length")?;
+        ensure!(
+            headings.len() as f64 == there,
+            "{} of {there} headings printed",
+            headings.len()
+        );
+        let alone = headings.iter().filter(|heading| sheets.is_alone(**heading));
+        let alone = alone.count();
+        ensure!(alone == 0, "{alone} headings at the end of a sheet");
+        Ok(sheets.count())
     }
 
     fn picture(&self, folder: &Path, name: &str) -> Result<()> {
