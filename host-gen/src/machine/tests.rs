@@ -121,12 +121,12 @@ fn frame() -> MachineFile {
         flexible_bodies: Default::default(),
         springs: Default::default(),
         point_masses: Default::default(),
-        loads: [("frame", "frame15", 0), ("lens", "lens15", 2)]
-            .map(|(name, node, axis)| {
+        loads: [("frame", 0, false), ("twist", 2, true)]
+            .map(|(name, axis, moment)| {
                 let load = LoadEntry {
-                    node: node.to_owned(),
-                    direction: direction(node, axis).direction,
-                    moment: false,
+                    node: "n3".to_owned(),
+                    direction: direction("n3", axis).direction,
+                    moment,
                 };
                 (name.to_owned(), load)
             })
