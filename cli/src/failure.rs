@@ -6,8 +6,8 @@ use std::path::Path;
 use host_gen::board::link::LinkError;
 use host_gen::board::measure::FrfError;
 use host_gen::design::{DesignError, StudyError};
+use host_gen::files::columns::TextError;
 use host_gen::files::mat::TooLarge;
-use host_gen::floor::SpectrumError;
 use host_gen::identify::FitError;
 use host_gen::machine::MachineError;
 use host_gen::report::plots::PlotError;
@@ -31,7 +31,7 @@ pub enum Failure {
     )]
     NoTables(String),
     #[error("{}{}: {error}", path, error.line.map(|line| format!(":{line}")).unwrap_or_default())]
-    Spectrum { path: String, error: SpectrumError },
+    Spectrum { path: String, error: TextError },
     #[error(
         "{path}: the spectrum gives {low} to {high} Hz only, nothing from {from} to {to} Hz; change --from and --to"
     )]

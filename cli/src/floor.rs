@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use host_gen::floor::{Criterion, Floor, NamedFloor, Record, STRONGEST, SpectrumError, Welch};
+use host_gen::files::columns::TextError;
+use host_gen::floor::{Criterion, Floor, NamedFloor, Record, STRONGEST, Welch};
 
 use crate::arguments::{between, criterion, positive};
 use crate::failure::Failure;
@@ -85,7 +86,7 @@ impl Recorded {
     /// What `make` makes of the record that was given, and its name; none if none was.
     pub fn read<T>(
         &self,
-        make: impl FnOnce(Record) -> Result<T, SpectrumError>,
+        make: impl FnOnce(Record) -> Result<T, TextError>,
     ) -> Result<Option<(T, String)>, Failure> {
         let Some(path) = &self.record else {
             return Ok(None);
@@ -101,7 +102,7 @@ impl Recorded {
 /// What `parse` makes of the text in a file.
 pub fn parsed<T>(
     path: &Path,
-    parse: impl FnOnce(&str) -> Result<T, SpectrumError>,
+    parse: impl FnOnce(&str) -> Result<T, TextError>,
 ) -> Result<T, Failure> {
     let name = || path.display().to_string();
     let text = fs::read_to_string(path).map_err(|error| Failure::Io {

@@ -1,6 +1,7 @@
 //! Files: replaced whole or not at all, read without what editors add, and written for other
 //! programs.
 
+pub mod columns;
 pub mod identifier;
 pub mod mat;
 

@@ -12,7 +12,7 @@ use nalgebra::Vector6;
 
 pub use criterion::Criterion;
 pub use record::{Record, Welch};
-pub use spectrum::{STRONGEST, Spectrum, SpectrumError};
+pub use spectrum::{STRONGEST, Spectrum};
 
 use crate::numeric::power_law::steeper;
 

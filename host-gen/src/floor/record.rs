@@ -5,8 +5,11 @@ use core::f64::consts::TAU;
 use nalgebra::Complex;
 use rustfft::FftPlanner;
 
-use super::spectrum::{Spectrum, SpectrumError};
+use super::spectrum::Spectrum;
 use super::{AXES, Floor};
+use crate::files::columns::{
+    TextError, each_line, in_columns, line_at, name_and_unit, number, seconds_in,
+};
 use crate::files::without_byte_order_mark;
 
 /// Motion of the floor along x, y and z, evenly sampled.
@@ -75,19 +78,6 @@ enum Column {
     Other,
 }
 
-/// The name of a column and its unit, which stands in brackets.
-pub(crate) fn name_and_unit(head: &str) -> (String, Option<&str>) {
-    let head = head.trim();
-    let close = head.find(['[', '(']).zip(head.rfind([']', ')']));
-    match close {
-        Some((open, close)) if open < close => (
-            head[..open].trim().to_lowercase(),
-            Some(head[open + 1..close].trim()),
-        ),
-        _ => (head.to_lowercase(), None),
-    }
-}
-
 impl Column {
     fn new(head: &str) -> Result<Self, String> {
         let (name, unit) = name_and_unit(head);
@@ -117,72 +107,6 @@ impl Column {
     }
 }
 
-/// Whether a line is more than a comment.
-fn has_data(line: &str) -> bool {
-    let line = line.trim();
-    !line.is_empty() && !line.starts_with('#')
-}
-
-/// The number, from 1, of the first line of `text` with data at or behind a byte.
-pub(crate) fn line_at(text: &str, byte: usize) -> usize {
-    let (before, behind) = text.split_at_checked(byte).unwrap_or((text, ""));
-    let lines = before.matches('\n').count() + 1;
-    lines + behind.lines().take_while(|line| !has_data(line)).count()
-}
-
-/// What separates the columns: the first of these that a line has.
-fn separator(line: &str) -> u8 {
-    let found = [';', '\t', ',', ' ']
-        .into_iter()
-        .find(|c| line.contains(*c));
-    found.map_or(b',', |c| c as u8)
-}
-
-/// Reads the lines of a table whose columns are separated by commas, semicolons, tabs or spaces, and
-/// whose `first` line has names or numbers. `#` starts a comment line.
-pub(crate) fn reader<'a>(text: &'a str, first: &str) -> csv::Reader<&'a [u8]> {
-    // A space in a name separates nothing.
-    let number = |line: &&str| {
-        line.trim_start()
-            .starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
-    };
-    let numbers = text.lines().find(number);
-    csv::ReaderBuilder::new()
-        .has_headers(false)
-        .delimiter(separator(numbers.unwrap_or(first).trim()))
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
-        .flexible(true)
-        .from_reader(text.as_bytes())
-}
-
-/// The number that a field is.
-pub(crate) fn parsed(field: &str) -> Result<f64, String> {
-    match field.parse::<f64>() {
-        Ok(x) if x.is_finite() => Ok(x),
-        _ => Err(format!(
-            "\"{field}\" is not a number; decimals have a point"
-        )),
-    }
-}
-
-/// The first line of a table that is more than a comment.
-pub(crate) fn first_line(text: &str) -> Option<&str> {
-    text.lines().find(|line| has_data(line))
-}
-
-/// Seconds in a unit of time.
-pub(crate) fn seconds_in(unit: Option<&str>) -> Result<f64, String> {
-    match unit {
-        None | Some("s") => Ok(1.0),
-        Some("ms") => Ok(1e-3),
-        Some("µs" | "us") => Ok(1e-6),
-        Some(unit) => Err(format!(
-            "\"{unit}\" is no unit of time here; use s, ms or µs"
-        )),
-    }
-}
-
 impl Record {
     /// Reads comma-separated values, or such with semicolons, tabs or spaces: a line for each
     /// sample. `#` starts a comment line.
@@ -196,71 +120,54 @@ impl Record {
     /// # Errors
     /// If there is neither a time nor a rate, or both; an axis, a unit or a number is wrong; the
     /// samples are not evenly spaced; or there are fewer than 512.
-    pub fn read(text: &str, rate: Option<f64>) -> Result<Self, SpectrumError> {
+    pub fn read(text: &str, rate: Option<f64>) -> Result<Self, TextError> {
         let text = without_byte_order_mark(text);
-        let first = first_line(text);
-        let first = first.ok_or_else(|| SpectrumError::whole("the record is empty"))?;
-        let mut reader = reader(text, first);
         let mut columns: Vec<Column> = Vec::new();
         let mut time = Vec::new();
         let mut axes: [Vec<f64>; AXES] = Default::default();
         let mut begins = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(|error| SpectrumError::whole(error.to_string()))?;
-            let begin = record.position().map_or(0, |at| at.byte() as usize);
-            let at_line = |message| SpectrumError::at(line_at(text, begin), message);
-            let fields: Vec<&str> = record.iter().filter(|field| !field.is_empty()).collect();
-            if fields.is_empty() {
-                continue;
-            }
+        each_line(text, "record", |fields, begin| {
             if columns.is_empty() {
                 let named = fields.iter().any(|field| field.parse::<f64>().is_err());
                 columns = if named {
                     let all = fields.iter().map(|head| Column::new(head));
-                    all.collect::<Result<_, _>>().map_err(at_line)?
+                    all.collect::<Result<_, _>>()?
                 } else {
-                    unnamed(fields.len()).map_err(at_line)?
+                    unnamed(fields.len())?
                 };
                 if named {
-                    continue;
+                    return Ok(());
                 }
             }
-            if fields.len() != columns.len() {
-                return Err(at_line(format!(
-                    "{} values, but there are {} columns; decimals have a point",
-                    fields.len(),
-                    columns.len()
-                )));
-            }
-            for (column, field) in columns.iter().zip(fields) {
-                let number = || parsed(field).map_err(at_line);
+            for (column, field) in in_columns(&columns, fields)? {
                 match column {
-                    Column::Time(unit) => time.push(unit * number()?),
-                    Column::Axis(axis, size, _) => axes[*axis].push(size * number()?),
+                    Column::Time(unit) => time.push(unit * number(field)?),
+                    Column::Axis(axis, size, _) => axes[*axis].push(size * number(field)?),
                     Column::Other => {}
                 }
             }
             begins.push(begin);
-        }
+            Ok(())
+        })?;
         let integrals = integrals(&columns)?;
         alike(&mut axes)?;
         let count = axes[0].len();
         if count < FEWEST {
-            return Err(SpectrumError::whole(format!(
+            return Err(TextError::whole(format!(
                 "{count} samples are no record of a floor: give at least {FEWEST}"
             )));
         }
         let rate = match (rate, time.is_empty()) {
             (Some(rate), true) => rate,
             (None, false) => evenly(&time)
-                .map_err(|(i, message)| SpectrumError::at(line_at(text, begins[i]), message))?,
+                .map_err(|(i, message)| TextError::at(line_at(text, begins[i]), message))?,
             (Some(_), false) => {
-                return Err(SpectrumError::whole(
+                return Err(TextError::whole(
                     "the record has a column of time, which says its rate; leave --rate out",
                 ));
             }
             (None, true) => {
-                return Err(SpectrumError::whole(
+                return Err(TextError::whole(
                     "the record has no column of time; give --rate, in Hz, or a column \"time [s]\"",
                 ));
             }
@@ -312,7 +219,7 @@ impl Record {
     ///
     /// # Errors
     /// If a spectrum is higher than one may be.
-    pub fn welch(&self) -> Result<Welch, SpectrumError> {
+    pub fn welch(&self) -> Result<Welch, TextError> {
         let count = self.axes[0].len();
         // n windows, each half over the next, are n + 1 halves.
         let half = (count / (WINDOWS + 1)).min((0.5 * LONGEST * self.rate) as usize);
@@ -373,18 +280,18 @@ fn unnamed(count: usize) -> Result<Vec<Column>, String> {
 }
 
 /// How often the acceleration of all axes was integrated.
-fn integrals(columns: &[Column]) -> Result<i32, SpectrumError> {
+fn integrals(columns: &[Column]) -> Result<i32, TextError> {
     let mut all = columns.iter().filter_map(|column| match column {
         Column::Axis(_, _, integrals) => Some(*integrals),
         _ => None,
     });
     let Some(first) = all.next() else {
-        return Err(SpectrumError::whole(
+        return Err(TextError::whole(
             "no column is called x, y or z; name them in the first line, such as \"time [s], x [m/s²], y [m/s²], z [m/s²]\"",
         ));
     };
     if all.any(|other| other != first) {
-        return Err(SpectrumError::whole(
+        return Err(TextError::whole(
             "some axes are accelerations and others velocities or displacements; give one kind",
         ));
     }
@@ -392,7 +299,7 @@ fn integrals(columns: &[Column]) -> Result<i32, SpectrumError> {
 }
 
 /// Copies the only axis to the others, if there is only one.
-fn alike(axes: &mut [Vec<f64>; AXES]) -> Result<(), SpectrumError> {
+fn alike(axes: &mut [Vec<f64>; AXES]) -> Result<(), TextError> {
     let given: Vec<usize> = (0..AXES).filter(|i| !axes[*i].is_empty()).collect();
     match given[..] {
         [only] => {
@@ -400,7 +307,7 @@ fn alike(axes: &mut [Vec<f64>; AXES]) -> Result<(), SpectrumError> {
             axes.fill(samples);
             Ok(())
         }
-        [_, _] => Err(SpectrumError::whole(
+        [_, _] => Err(TextError::whole(
             "there are two axes; give x, y and z, or one axis for all",
         )),
         _ => Ok(()),

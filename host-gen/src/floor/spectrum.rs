@@ -2,6 +2,7 @@
 
 use core::str::FromStr;
 
+use crate::files::columns::TextError;
 use crate::files::without_byte_order_mark;
 use crate::numeric::power_law::{exponent, power_law};
 
@@ -19,34 +20,8 @@ pub struct Spectrum {
     points: Vec<(f64, f64)>,
 }
 
-/// Why a text is not a spectrum.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{message}")]
-pub struct SpectrumError {
-    /// Number of the line at fault, from 1; none if it is the text as a whole.
-    pub line: Option<usize>,
-    /// The cause and the fix.
-    pub message: String,
-}
-
-impl SpectrumError {
-    /// That of a line, from 1.
-    pub(crate) fn at(line: usize, message: String) -> Self {
-        let line = Some(line);
-        Self { line, message }
-    }
-
-    /// That of the text as a whole.
-    pub(crate) fn whole(message: impl Into<String>) -> Self {
-        Self {
-            line: None,
-            message: message.into(),
-        }
-    }
-}
-
 impl FromStr for Spectrum {
-    type Err = SpectrumError;
+    type Err = TextError;
 
     /// Parses lines of two numbers, a frequency, Hz, and an acceleration density, m/s²/√Hz, with
     /// spaces, tabs, a comma or a semicolon between them; `#` starts a comment.
@@ -54,11 +29,11 @@ impl FromStr for Spectrum {
     /// # Errors
     /// If a line is not two numbers, a frequency is not above 0 and above the one before it, a
     /// density is not from 0 to [`STRONGEST`], or there are fewer than two points.
-    fn from_str(text: &str) -> Result<Self, SpectrumError> {
+    fn from_str(text: &str) -> Result<Self, TextError> {
         let text = without_byte_order_mark(text);
         let mut points: Vec<(f64, f64)> = Vec::new();
         for (i, line) in text.lines().enumerate() {
-            let at_line = |message| SpectrumError::at(i + 1, message);
+            let at_line = |message| TextError::at(i + 1, message);
             let last = points.last().map_or(0.0, |(hz, _)| *hz);
             points.extend(point(line, last).map_err(at_line)?);
         }
@@ -124,24 +99,24 @@ impl Spectrum {
     /// # Errors
     /// If a frequency is not above 0 and above the one before it, a density is not from 0 to
     /// [`STRONGEST`], or there are fewer than two points; without a line.
-    pub fn new(points: &[[f64; 2]]) -> Result<Self, SpectrumError> {
+    pub fn new(points: &[[f64; 2]]) -> Result<Self, TextError> {
         let mut all = Vec::with_capacity(points.len());
         let mut last = 0.0;
         for &[hz, density] in points {
-            all.push(checked(hz, density, last).map_err(SpectrumError::whole)?);
+            all.push(checked(hz, density, last).map_err(TextError::whole)?);
             last = hz;
         }
         Self::of(all)
     }
 
     /// A spectrum with these points, each of them checked.
-    fn of(points: Vec<(f64, f64)>) -> Result<Self, SpectrumError> {
+    fn of(points: Vec<(f64, f64)>) -> Result<Self, TextError> {
         let few = match points[..] {
             [] => "there is no point of a spectrum",
             [_] => "one point is no spectrum, because the density is interpolated between points",
             _ => return Ok(Self { points }),
         };
-        Err(SpectrumError::whole(format!(
+        Err(TextError::whole(format!(
             "{few}; give at least two, each with a frequency, Hz, and an acceleration density, m/s²/√Hz"
         )))
     }

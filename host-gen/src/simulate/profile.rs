@@ -3,9 +3,8 @@
 use nalgebra::Vector6;
 use shared::LEGS;
 
+use crate::files::columns::{TextError, each_line, in_columns, name_and_unit, number, seconds_in};
 use crate::files::without_byte_order_mark;
-use crate::floor::SpectrumError;
-use crate::floor::record::{first_line, line_at, name_and_unit, parsed, reader, seconds_in};
 use crate::machine::Load;
 
 /// Loads over time: straight from point to point, the first value before the first point, and the
@@ -37,50 +36,34 @@ impl Profile {
     /// # Errors
     /// If a column is no load, a unit or a number is wrong, times do not ascend, or there is no
     /// point.
-    pub fn read(text: &str, loads: &[Load]) -> Result<Self, SpectrumError> {
+    pub fn read(text: &str, loads: &[Load]) -> Result<Self, TextError> {
         let text = without_byte_order_mark(text);
-        let first = first_line(text).ok_or_else(|| SpectrumError::whole("the profile is empty"))?;
-        let mut reader = reader(text, first);
         let mut columns: Option<Vec<Column>> = None;
         let mut points: Vec<(f64, Vector6<f64>)> = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(|error| SpectrumError::whole(error.to_string()))?;
-            let begin = record.position().map_or(0, |at| at.byte() as usize);
-            let at_line = |message| SpectrumError::at(line_at(text, begin), message);
-            let fields: Vec<&str> = record.iter().filter(|field| !field.is_empty()).collect();
-            if fields.is_empty() {
-                continue;
-            }
+        each_line(text, "profile", |fields, _| {
             let Some(columns) = &columns else {
-                columns = Some(heads(&fields, loads).map_err(at_line)?);
-                continue;
+                columns = Some(heads(fields, loads)?);
+                return Ok(());
             };
-            if fields.len() != columns.len() {
-                return Err(at_line(format!(
-                    "{} values, but there are {} columns; decimals have a point",
-                    fields.len(),
-                    columns.len()
-                )));
-            }
             let mut time = 0.0;
             let mut values = Vector6::zeros();
-            for (column, field) in columns.iter().zip(fields) {
-                let number = parsed(field).map_err(at_line)?;
+            for (column, field) in in_columns(columns, fields)? {
                 match column {
-                    Column::Time(unit) => time = unit * number,
-                    Column::Load(index, unit) => values[*index] = unit * number,
+                    Column::Time(unit) => time = unit * number(field)?,
+                    Column::Load(index, unit) => values[*index] = unit * number(field)?,
                 }
             }
             let last = points.last().map_or(0.0, |(time, _)| *time);
             if time < last {
-                return Err(at_line(format!(
+                return Err(format!(
                     "times must ascend from 0 s on, but {time} s comes after {last} s"
-                )));
+                ));
             }
             points.push((time, values));
-        }
+            Ok(())
+        })?;
         if points.is_empty() {
-            return Err(SpectrumError::whole(
+            return Err(TextError::whole(
                 "the profile has no points; give lines of a time and the loads",
             ));
         }

@@ -4,7 +4,8 @@ use core::f64::consts::TAU;
 
 use crate::common::{edited, looped};
 use host_gen::closed_loop::budget::budget;
-use host_gen::floor::{Floor, Record, SpectrumError, Welch};
+use host_gen::files::columns::TextError;
+use host_gen::floor::{Floor, Record, Welch};
 use host_gen::simulate::run::compare;
 
 /// Noise between −1/2 and 1/2 that another program can make.
@@ -237,7 +238,7 @@ fn what_is_no_record_is_refused() {
             "a density must be from 0",
         ),
     ] {
-        let error: SpectrumError = match Record::read(&text, rate).and_then(|read| read.welch()) {
+        let error: TextError = match Record::read(&text, rate).and_then(|read| read.welch()) {
             Ok(_) => panic!("{} is read", &text[..40]),
             Err(error) => error,
         };

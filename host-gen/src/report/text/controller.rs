@@ -184,9 +184,11 @@ fn write_actuators(f: &mut Formatter<'_>, actuators: &Actuators) -> fmt::Result 
         hysteresis,
         warning,
     } = actuators;
+    // Four digits.
+    let decimals = (3.0 - gain.abs().log10().floor()).clamp(0.0, 9.0) as usize;
     write!(
         f,
-        "{TITLE}Actuators:{TITLE:#} {gain:.4} N/V at the DAC, at most ±{limit:.0} N"
+        "{TITLE}Actuators:{TITLE:#} {gain:.decimals$} N/V at the DAC, at most ±{limit:.0} N"
     )?;
     if let Some(stroke) = stroke {
         write!(f, " or ±{:.2} µm of free expansion", 1e6 * stroke)?;
