@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use host_gen::analysis::compliance::{ComplianceAnalysis, ComplianceError, Pushing, Tolerance};
 use host_gen::analysis::warnings::warnings;
 use host_gen::machine::Machine;
+use host_gen::simulate::compliance::{ComplianceAnalysis, ComplianceError, Pushing, Tolerance};
 use host_gen::simulate::profile::Profile;
 
 use crate::arguments::{Common, positive};

@@ -6,7 +6,6 @@ use nalgebra::{Dim, Matrix, RawStorage};
 pub(crate) mod actuators;
 pub mod bound;
 pub mod compare;
-pub mod compliance;
 pub mod controller;
 pub mod delay;
 pub mod floors;

@@ -1,9 +1,10 @@
 //! What happens in time: the machine with its converters, runs of the loop, whole
-//! sessions, a board in software, and faults in it.
+//! sessions, a board in software, faults in it, and loads on the machine.
 
 mod band_noise;
 mod base_motion;
 mod blocks;
+pub mod compliance;
 pub mod faults;
 mod piezo;
 pub mod profile;

@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::aligned::{TITLE, WARNING, cells, write_table};
-use crate::analysis::compliance::{ComplianceAnalysis, Course, Response, Tolerance};
+use crate::simulate::compliance::{ComplianceAnalysis, Course, Response, Tolerance};
 
 /// Frequencies at which magnitudes are shown, Hz.
 const AT: [f64; 3] = [1.0, 10.0, 100.0];

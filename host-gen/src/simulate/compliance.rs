@@ -3,6 +3,8 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::profile::Profile;
+use super::push::{Pushed, push};
 use crate::closed_loop::{SLOWEST, SampledLoop};
 use crate::control::LinearLaw;
 use crate::design::{Design, Study};
@@ -10,8 +12,6 @@ use crate::machine::{EntryError, MachineError};
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::plant::SampledPlant;
-use crate::simulate::profile::Profile;
-use crate::simulate::push::{Pushed, push};
 
 /// Why the compliance of a machine is not known.
 #[derive(Debug, thiserror::Error)]
