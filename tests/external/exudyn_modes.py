@@ -1,7 +1,8 @@
 """Natural frequencies of a machine file by Exudyn beside those of host-gen.
 
-Usage: exudyn_modes.py MACHINE.toml MODES.json
-MODES.json is what `host-gen modes MACHINE.toml --format json` prints.
+Usage: exudyn_modes.py HOST_GEN MACHINE.toml [PARTS.toml]
+HOST_GEN is the program. PARTS.toml is what Exudyn reads in place of the machine: the parts that a
+flexible body is made of.
 
 Exudyn assembles geometrically exact beams and rigid bodies, and knows nothing
 of our matrices. Its beams are shear deformable with a constant strain over an
@@ -10,6 +11,7 @@ stiffness of 12·EI/h² puts it back, so that one element is a slender beam.
 """
 
 import json
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -142,11 +144,13 @@ def hertz(machine):
 
 
 def main():
-    machine_file, modes_file = sys.argv[1:]
-    machine = load(Path(machine_file))
-    with open(modes_file, encoding="utf-8") as file:
-        ours = np.array([mode["hz"] for mode in json.load(file)["modes"]])
-    theirs = hertz(machine)
+    host_gen, machine, *parts = sys.argv[1:]
+    print(machine)
+    modes = subprocess.run(
+        [host_gen, "modes", machine, "--format", "json"], check=True, stdout=subprocess.PIPE
+    )
+    ours = np.array([mode["hz"] for mode in json.loads(modes.stdout)["modes"]])
+    theirs = hertz(load(Path(*(parts or [machine]))))
     if len(theirs) != len(ours):
         sys.exit(f"Exudyn finds {len(theirs)} modes, host-gen {len(ours)}")
     apart = np.abs(theirs / ours - 1)

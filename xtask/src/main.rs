@@ -292,17 +292,12 @@ fn test(setup: &Setup, full: bool) -> Outcome<()> {
         ],
         vec![Step::new("build for boards", boards)],
     ])?;
-    let mut exudyn = own()?;
-    exudyn.arg("exudyn");
-    if setup.no_install {
-        exudyn.arg("--no-install");
-    }
     let samples = if full { FULL_SAMPLES } else { QUICK_SAMPLES };
     let mut frames = built("frames");
     let mut host = vec![
         Step::new("unit and integration tests", [testing()]),
         Step::new("page in a browser", [page_command()]),
-        Step::new("natural frequencies by Exudyn", [exudyn]),
+        Step::new("natural frequencies by Exudyn", exudyn_modes(&python)),
     ];
     if full {
         frames.args(["--frames", &FULL_FRAMES.to_string()]);
@@ -689,36 +684,32 @@ fn speed() -> Outcome<()> {
     run(python().args(["tests/benches/speed.py", folder]))
 }
 
-/// The models, and machines with nothing alike; each with the file that Exudyn reads, which for a
-/// flexible body has the parts that it is made of.
-const MACHINES: [[&str; 2]; 7] = [
-    [MODEL; 2],
-    ["models/low-parasitic.toml"; 2],
-    ["models/smaller-basis.toml"; 2],
-    ["tests/external/skew.toml"; 2],
-    ["tests/external/springs.toml"; 2],
-    ["tests/external/frame.toml"; 2],
-    ["tests/external/flexible.toml", "tests/external/frame.toml"],
+/// What tests/external/exudyn_modes.py compares: the models, and machines with nothing alike; the last
+/// has a flexible body, and beside it the parts that this is made of, which Exudyn reads.
+const MACHINES: [&[&str]; 7] = [
+    &[MODEL],
+    &["models/low-parasitic.toml"],
+    &["models/smaller-basis.toml"],
+    &["tests/external/skew.toml"],
+    &["tests/external/springs.toml"],
+    &["tests/external/frame.toml"],
+    &["tests/external/flexible.toml", "tests/external/frame.toml"],
 ];
+
+/// Compares the natural frequencies of each machine with Exudyn's, from what [`building`] has built.
+fn exudyn_modes(python: &Path) -> impl Iterator<Item = Command> {
+    MACHINES.into_iter().map(move |files| {
+        let mut command = Command::new(python);
+        command.args(["tests/external/exudyn_modes.py", "target/release/host-gen"]);
+        command.args(files);
+        command
+    })
+}
 
 fn exudyn(setup: &Setup) -> Outcome<()> {
     let python = tools::python(!setup.no_install)?;
     run(&mut building())?;
-    for [machine, parts] in MACHINES {
-        println!("{machine}");
-        let modes = built("host-gen")
-            .args(["modes", machine, "--format", "json"])
-            .stderr(Stdio::inherit())
-            .output()
-            .map_err(|error| format!("host-gen cannot be started: {error}"))?;
-        if !modes.status.success() {
-            return Err(format!("host-gen modes {machine} failed"));
-        }
-        let file = "target/modes.json";
-        std::fs::write(file, modes.stdout).map_err(|error| format!("{file}: {error}"))?;
-        run(Command::new(&python).args(["tests/external/exudyn_modes.py", parts, file]))?;
-    }
-    Ok(())
+    exudyn_modes(&python).try_for_each(|mut command| run(&mut command))
 }
 
 /// What tests/external/bound.py checks: the paper's machine with a roll-off, and with the least rms

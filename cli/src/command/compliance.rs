@@ -68,11 +68,7 @@ pub fn compliance(arguments: &ComplianceArguments, searcher: &Searcher) -> Resul
         }
         (None, Some((name, size))) => {
             let index = load(machine, name)?;
-            let unit = if machine.loads[index].moment {
-                "N m"
-            } else {
-                "N"
-            };
+            let unit = machine.loads[index].unit();
             let words = format!("a step of {name} of {size} {unit} at {STEP_AT} s");
             Some((Profile::step(index, *size, STEP_AT), words))
         }

@@ -678,17 +678,18 @@ struct Columns {
 
 impl Columns {
     fn new(client: &mut Client, units: &Units) -> Result<Self, Failure> {
+        let board = client.identity()?;
         let scales = match &units.model {
             None => None,
             Some(model) => {
                 let machine = Machine::load(model)?;
-                if client.identity()?.model != machine.digest {
+                if board.model != machine.digest {
                     return Err(FrfError::OtherTable.into());
                 }
                 Some(Scales::new(&machine))
             }
         };
-        let rate = client.identity()?.sample_rate.into();
+        let rate = board.sample_rate.into();
         Ok(Self { scales, rate })
     }
 

@@ -191,18 +191,22 @@ fn response(study: &Study, design: Design) -> Result<Value, NumericError> {
     let rows = || plant.performance();
     let mut fields = vec![("hz", Value::column(hz.iter().copied()))];
     for curve in sigma.curves {
-        let (name, values) = match curve.of {
-            None => ("G11_open", at(hz, |hz| plant.open(hz, rows()))),
+        let (sigma_max, name, values) = match curve.of {
+            None => (
+                "sigma_max_open",
+                "G11_open",
+                at(hz, |hz| plant.open(hz, rows())),
+            ),
             Some((_, LawKind::Ideal)) => (
+                "sigma_max_ideal",
                 "G11_ideal",
                 at(hz, |hz| close_ideal(plant, study.gains(), hz, rows())),
             ),
-            Some((_, LawKind::Sampled)) => ("G11_sampled", at(hz, |hz| closed.close(hz, rows()))),
-        };
-        let sigma_max = match curve.of {
-            None => "sigma_max_open",
-            Some((_, LawKind::Ideal)) => "sigma_max_ideal",
-            Some((_, LawKind::Sampled)) => "sigma_max_sampled",
+            Some((_, LawKind::Sampled)) => (
+                "sigma_max_sampled",
+                "G11_sampled",
+                at(hz, |hz| closed.close(hz, rows())),
+            ),
         };
         fields.push((sigma_max, Value::column(curve.sigma_max)));
         fields.push((name, values));

@@ -2,6 +2,7 @@
 //! converters, as its mean square counts them.
 
 use core::f64::consts::TAU;
+use core::ops::Range;
 
 use nalgebra::{Complex, DVector, Matrix6};
 use shared::LEGS;
@@ -77,36 +78,27 @@ impl<'a> Sources<'a> {
     pub(super) fn at(&self, hz: f64) -> (Gain, Vec<Source>) {
         let plant = &self.plant.plant;
         let response = self.plant.response(hz);
-        let elongated = Complex::from(-self.penalty.stroke * (TAU * hz).powi(-2));
-        let forced = Complex::from(self.penalty.force);
-        // Rows of performance, and those that cost.
-        let all = |performance: Gain, forces: Gain, strokes: Gain| {
-            let mut rows: Vec<_> = performance.row_iter().map(|row| row.into_owned()).collect();
-            if self.penalty.force > 0.0 {
-                rows.extend((forces * forced).row_iter().map(|row| row.into_owned()));
+        let Penalty { force, stroke } = self.penalty;
+        // From the second time derivatives of the elongations.
+        let stroke = -stroke * (TAU * hz).powi(-2);
+        // Rows of performance, and those that cost, in one kind of inputs.
+        let with_costs = |forces: Gain, of: &dyn Fn(Range<usize>) -> Gain| {
+            let mut all = of(plant.performance());
+            if force != 0.0 {
+                all = below(all, &(forces * Complex::from(force)));
             }
-            if self.penalty.stroke > 0.0 {
-                rows.extend((strokes * elongated).row_iter().map(|row| row.into_owned()));
+            if stroke != 0.0 {
+                all = below(all, &(of(plant.legs()) * Complex::from(stroke)));
             }
-            Gain::from_rows(&rows)
+            all
         };
-        let one = Gain::identity(LEGS);
-        let none = Gain::zeros(LEGS);
-        let from_legs = all(
-            response.from_legs(plant.performance()),
-            one,
-            response.from_legs(plant.legs()),
-        );
+        let from_legs = with_costs(Gain::identity(LEGS), &|rows| response.from_legs(rows));
         let motions = self.floor.motions(hz, plant.waves).map(Complex::from);
         let base = plant.base_at(hz).map(Complex::from) * Matrix6::from_diagonal(&motions);
         let by_dac = ComplexMatrix6::identity() * Complex::from(self.noise.dac.sqrt());
         let mut sources = vec![
             Source {
-                direct: all(
-                    response.from_floor(plant.performance()),
-                    none,
-                    response.from_floor(plant.legs()),
-                ) * base,
+                direct: with_costs(Gain::zeros(LEGS), &|rows| response.from_floor(rows)) * base,
                 sensed: response.from_floor(plant.sensors()) * base,
             },
             Source {
@@ -127,4 +119,12 @@ impl<'a> Sources<'a> {
         }
         (from_legs, sources)
     }
+}
+
+/// The rows of `above`, then those of `more`.
+fn below(above: Gain, more: &Gain) -> Gain {
+    let first = above.nrows();
+    let mut all = above.resize_vertically(first + more.nrows(), Complex::ZERO);
+    all.rows_mut(first, more.nrows()).copy_from(more);
+    all
 }

@@ -7,7 +7,7 @@ use nalgebra::{Complex, DMatrix, Matrix3, Matrix6, Rotation3, Unit, Vector3, Vec
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng};
 use shared::LEGS;
-use shared::codes::{Adc, Calibration, Dac, Drive};
+use shared::codes::{Adc, Calibration, Dac, DacCode, Drive};
 use shared::table::ModelDigest;
 
 use super::error::{EntryError, MachineError};
@@ -422,6 +422,13 @@ pub struct Load {
     pub moment: bool,
 }
 
+impl Load {
+    /// `"N m"` or `"N"`.
+    pub fn unit(&self) -> &'static str {
+        if self.moment { "N m" } else { "N" }
+    }
+}
+
 /// The board with its converters, sensors and actuators.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Board {
@@ -547,6 +554,14 @@ impl Board {
     pub fn drives(&self) -> [Drive; LEGS] {
         let drive = |gain| self.dac.drive(self.actuator_gain * gain, self.force_limit);
         self.gains.actuators.map(drive)
+    }
+
+    /// The forces that `dac` commands, N, without noise.
+    pub(crate) fn forces(&self, dac: [DacCode; LEGS]) -> [f64; LEGS] {
+        core::array::from_fn(|leg| {
+            let gain = self.actuator_gain * self.gains.actuators[leg];
+            self.dac.force(dac[leg], gain)
+        })
     }
 
     /// The sensors that are fed back, by kind: [`sensor`](Self::sensor), then

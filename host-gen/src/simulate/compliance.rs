@@ -185,7 +185,7 @@ impl ComplianceAnalysis {
                 });
             LoadCompliance {
                 name: load.at.name.clone(),
-                unit: unit(load.moment),
+                unit: load.unit(),
                 outputs: outputs.collect(),
             }
         });
@@ -199,11 +199,6 @@ impl ComplianceAnalysis {
             profile: response,
         })
     }
-}
-
-/// The unit of a load.
-fn unit(moment: bool) -> &'static str {
-    if moment { "N m" } else { "N" }
 }
 
 /// Names and units of the displacements of a loaded plant.

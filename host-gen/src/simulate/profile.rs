@@ -116,15 +116,11 @@ fn heads(heads: &[&str], loads: &[Load]) -> Result<Vec<Column>, String> {
         if seen.contains(&name) {
             return Err(format!("the column \"{name}\" is there twice"));
         }
-        let is = |load: &&Load| load.at.name.to_lowercase() == name;
+        let is = |load: &Load| load.at.name.to_lowercase() == name;
         let column = if let "t" | "time" = name.as_str() {
             Column::Time(seconds_in(unit)?)
-        } else if let Some(load) = loads.iter().find(is) {
-            let index = loads
-                .iter()
-                .take_while(|other| other.at.name != load.at.name)
-                .count();
-            let size = match (unit, load.moment) {
+        } else if let Some(index) = loads.iter().position(is) {
+            let size = match (unit, loads[index].moment) {
                 (None, _) | (Some("N"), false) | (Some("N m" | "Nm" | "N*m" | "N·m"), true) => 1.0,
                 (Some("mN"), false) => 1e-3,
                 (Some("kN"), false) => 1e3,

@@ -1,10 +1,10 @@
 //! The machine under loads that change over time, such as the reaction forces of a stage.
 
 use shared::LEGS;
-use shared::step::{Demand, State, step};
 use shared::table::ValidTable;
 
 use super::rig::Rig;
+use super::run::{Lengths, Running};
 use crate::machine::{Board, NoiseDensity, Simulation};
 use crate::plant::SampledPlant;
 
@@ -38,31 +38,24 @@ pub fn push(
     if let Some(sensor) = &mut quiet.beside {
         sensor.noise_density = NoiseDensity::white(0.0);
     }
-    let steps = loads.len();
-    let mut rig = Rig::new(plant.clone(), &quiet, &Simulation::default()).driven(loads);
-    let count = rig.plant().plant.performance().len();
-    let mut pushed = Pushed {
-        displacements: vec![Vec::with_capacity(steps); count],
-        force_peak: 0.0,
-        clamped_steps: 0,
+    let lengths = Lengths {
+        settling: 0,
+        evaluated: loads.len(),
     };
-    let mut state = None;
-    for _ in 0..steps {
-        let adc = rig.sample();
-        let mut dac = table.safe_codes();
-        if closed {
-            let state = state.get_or_insert_with(|| State::settled_on(table, adc));
-            let output = step(table, state, adc, Demand::LAW);
-            dac = output.dac;
-            pushed.clamped_steps += usize::from(output.status.clamped);
-        }
-        for (all, x) in pushed.displacements.iter_mut().zip(rig.advance(dac).iter()) {
+    let rig = Rig::new(plant.clone(), &quiet, &Simulation::default()).driven(loads);
+    let mut running = Running::new(rig, board, table, closed, lengths);
+    let mut displacements =
+        vec![Vec::with_capacity(lengths.evaluated); plant.plant.performance().len()];
+    for _ in 0..lengths.evaluated {
+        let (moved, _) = running.step();
+        for (all, x) in displacements.iter_mut().zip(moved.iter()) {
             all.push(*x);
         }
-        for (code, gain) in dac.into_iter().zip(board.gains.actuators) {
-            let force = board.dac.force(code, board.actuator_gain * gain);
-            pushed.force_peak = pushed.force_peak.max(force.abs());
-        }
     }
-    pushed
+    let run = running.end();
+    Pushed {
+        displacements,
+        force_peak: run.force_peak,
+        clamped_steps: run.clamped_steps,
+    }
 }

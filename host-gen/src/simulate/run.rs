@@ -59,7 +59,7 @@ fn watched(
     closed: bool,
     progress: &dyn Progress,
 ) -> Run {
-    let mut running = Running::new(rig, board, settings, table, closed);
+    let mut running = Running::new(rig, board, table, closed, Lengths::of(settings, board));
     for k in 0..running.all() {
         if k % REPORTED == 0 {
             progress.advance();
@@ -69,8 +69,26 @@ fn watched(
     running.end()
 }
 
+/// Steps of a simulation.
+#[derive(Clone, Copy)]
+pub(super) struct Lengths {
+    /// Until the loop counts as settled.
+    pub(super) settling: usize,
+    /// After that, which are evaluated.
+    pub(super) evaluated: usize,
+}
+
+impl Lengths {
+    fn of(settings: &Simulation, board: &Board) -> Self {
+        Self {
+            settling: steps(settings.settling, board),
+            evaluated: steps(settings.duration, board),
+        }
+    }
+}
+
 /// A simulation between two steps.
-struct Running<'a> {
+pub(super) struct Running<'a> {
     rig: Rig,
     board: &'a Board,
     table: &'a ValidTable,
@@ -84,12 +102,12 @@ struct Running<'a> {
 }
 
 impl<'a> Running<'a> {
-    fn new(
+    pub(super) fn new(
         rig: Rig,
         board: &'a Board,
-        settings: &Simulation,
         table: &'a ValidTable,
         closed: bool,
+        lengths: Lengths,
     ) -> Self {
         let count = rig.plant().plant.performance().len();
         Self {
@@ -98,14 +116,14 @@ impl<'a> Running<'a> {
             table,
             closed,
             state: None,
-            settling: steps(settings.settling, board),
+            settling: lengths.settling,
             run: Run {
                 rms: vec![0.0; count],
                 peak: vec![0.0; count],
                 force_peak: 0.0,
                 clamped_steps: 0,
                 railed_steps: 0,
-                steps: steps(settings.duration, board),
+                steps: lengths.evaluated,
             },
         }
     }
@@ -116,7 +134,7 @@ impl<'a> Running<'a> {
     }
 
     /// One step: the performance outputs, m/s², and the forces commanded, N.
-    fn step(&mut self) -> (DVectorView<'_, f64>, [f64; LEGS]) {
+    pub(super) fn step(&mut self) -> (DVectorView<'_, f64>, [f64; LEGS]) {
         let Self {
             table, board, run, ..
         } = self;
@@ -136,10 +154,7 @@ impl<'a> Running<'a> {
             }
         }
         let performance = self.rig.advance(dac);
-        let forces: [f64; LEGS] = core::array::from_fn(|leg| {
-            let gain = board.actuator_gain * board.gains.actuators[leg];
-            board.dac.force(dac[leg], gain)
-        });
+        let forces = board.forces(dac);
         if settled {
             for (i, x) in performance.iter().enumerate() {
                 run.rms[i] += x * x;
@@ -153,7 +168,7 @@ impl<'a> Running<'a> {
     }
 
     /// The results after the last step.
-    fn end(self) -> Run {
+    pub(super) fn end(self) -> Run {
         let mut run = self.run;
         for rms in &mut run.rms {
             *rms = (*rms / run.steps as f64).sqrt();
@@ -189,7 +204,7 @@ pub fn histories<E>(
 ) -> Result<(), E> {
     let running = |closed| {
         let rig = on_floor(plant, board, settings, record);
-        Running::new(rig, board, settings, table, closed)
+        Running::new(rig, board, table, closed, Lengths::of(settings, board))
     };
     let [mut open, mut closed] = [running(false), running(true)];
     for _ in 0..open.settling {

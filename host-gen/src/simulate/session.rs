@@ -147,10 +147,8 @@ pub fn history(study: &Study, table: &ValidTable) -> History {
         closed.advance(dac);
         open.rig.sample();
         open.advance(safe);
-        let gains = board.gains.actuators;
-        for ((force, code), gain) in force.iter_mut().zip(dac).zip(gains) {
-            let gain = board.actuator_gain * gain;
-            *force = force.max(board.dac.force(code, gain).abs());
+        for (force, now) in force.iter_mut().zip(board.forces(dac)) {
+            *force = force.max(now.abs());
         }
         let time = k as f64 / board.sample_rate;
         if k.is_multiple_of(point) {
