@@ -1,5 +1,6 @@
 //! The floor that a command is to use.
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -43,6 +44,32 @@ pub struct Recorded {
 }
 
 impl FloorChoice {
+    /// The options that make this choice.
+    pub fn arguments(&self) -> Vec<OsString> {
+        let text = |name: &str, value: String| (name.to_owned(), OsString::from(value));
+        let file = |name: &str, path: &PathBuf| (name.to_owned(), path.clone().into_os_string());
+        let Recorded { record, rate } = &self.recorded;
+        let given = [
+            self.criterion
+                .map(|own| text("--criterion", own.key().to_owned())),
+            self.white
+                .map(|density| text("--white", density.to_string())),
+            self.spectrum.as_ref().map(|path| file("--spectrum", path)),
+            record.as_ref().map(|path| file("--record", path)),
+            rate.map(|rate| text("--rate", rate.to_string())),
+        ];
+        let pairs = given.into_iter().flatten();
+        pairs
+            .flat_map(|(name, value)| [name.into(), value])
+            .collect()
+    }
+
+    /// The file that describes the floor, if one does.
+    pub fn file(&self) -> Option<&Path> {
+        let file = self.spectrum.as_ref().or(self.recorded.record.as_ref());
+        file.map(PathBuf::as_path)
+    }
+
     /// The floor that was asked for; none if none was.
     pub fn floor(&self) -> Result<Option<NamedFloor>, Failure> {
         // Beside another floor, clap does not ask for the record.

@@ -193,7 +193,11 @@ fn main() -> ExitCode {
                 Failure::Machine(error) if io::stderr().is_terminal() => {
                     writeln!(out, "{}", snippet::render(error, true))
                 }
-                failure => writeln!(out, "{ERROR}error:{ERROR:#} {failure}"),
+                // One line for each error.
+                failure => failure
+                    .to_string()
+                    .lines()
+                    .try_for_each(|line| writeln!(out, "{ERROR}error:{ERROR:#} {line}")),
             };
             match (&failure, &cli.command) {
                 (Failure::Interrupted { code, .. }, _) => ExitCode::from(*code),

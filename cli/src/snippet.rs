@@ -4,9 +4,14 @@ use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet}
 use host_gen::files::without_byte_order_mark;
 use host_gen::machine::MachineError;
 
-/// The error with its line, for a terminal. Where there is no terminal, the error's own
-/// text says the same in one line.
+/// The error with its line, and the others of the same machine, for a terminal. Where there is no
+/// terminal, the error's own text says the same in a line for each.
 pub fn render(error: &MachineError, colour: bool) -> String {
+    let all = error.all().map(|error| render_one(error, colour));
+    all.collect::<Vec<_>>().join("\n\n")
+}
+
+fn render_one(error: &MachineError, colour: bool) -> String {
     let title = match error.entry() {
         "" => error.message().to_owned(),
         entry => format!("{entry}: {}", error.message()),

@@ -15,7 +15,6 @@ use axum::http::header::CONTENT_TYPE;
 use axum::response::Html;
 use axum::routing::get;
 use clap::Args;
-use host_gen::floor::Criterion;
 use host_gen::machine::Machine;
 use host_gen::report::page::page_of;
 use host_gen::report::{Report, Review};
@@ -24,8 +23,8 @@ use serde::Deserialize;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 
-use crate::arguments::criterion;
 use crate::failure::{Failure, in_study};
+use crate::floor::FloorChoice;
 use crate::search::Searcher;
 
 #[derive(Args)]
@@ -35,10 +34,10 @@ pub struct WatchArguments {
     /// HOST:PORT of the page; with port 0, a free port is taken.
     #[arg(long, default_value = "127.0.0.1:7780")]
     listen: String,
-    /// Floor at the limit of this vibration criterion [default: the floor.spectrum of the file, or
-    /// else vc-c].
-    #[arg(long, value_parser = criterion())]
-    criterion: Option<Criterion>,
+    /// The floor [default: the floor.spectrum of the file, or else vc-c]. A file that describes it is
+    /// watched too.
+    #[command(flatten)]
+    floor: FloorChoice,
 }
 
 /// The content of the page, and a number that grows with every change.
@@ -75,6 +74,7 @@ pub fn watch(arguments: &WatchArguments, searcher: &Searcher) -> Result<(), Fail
     };
     // A file that is invalid at the start is an error, as in every command.
     let machine = Machine::load(&arguments.model)?;
+    arguments.floor.floor()?;
     let (tell, changes) = channel();
     let mut watcher = notify::recommended_watcher(move |event: notify::Result<notify::Event>| {
         // Reading a file is an event too. When the program ends, the receiver is gone.
@@ -85,7 +85,8 @@ pub fn watch(arguments: &WatchArguments, searcher: &Searcher) -> Result<(), Fail
     .map_err(|error| follower.failed(error))?;
     // Editors replace the file by a new one, so folders are watched.
     let mut folders = BTreeSet::new();
-    for (file, _) in machine.files() {
+    let of_floor = arguments.floor.file();
+    for file in machine.files().map(|(file, _)| file).chain(of_floor) {
         let folder = file.parent().filter(|folder| *folder != Path::new(""));
         folders.insert(folder.unwrap_or(Path::new(".")).to_owned());
     }
@@ -162,7 +163,14 @@ impl Follower<'_> {
             Ok(machine) => machine,
             Err(error) => return self.show_error(error.to_string()),
         };
-        let texts: String = machine.files().map(|(_, text)| text).collect();
+        if let Err(error) = self.arguments.floor.floor() {
+            return self.show_error(error.to_string());
+        }
+        let mut texts: String = machine.files().map(|(_, text)| text).collect();
+        if let Some(file) = self.arguments.floor.file() {
+            // It was just read.
+            texts += &std::fs::read_to_string(file).unwrap_or_default();
+        }
         if texts == self.read {
             return Ok(());
         }
@@ -209,12 +217,11 @@ impl Follower<'_> {
     fn begin(&mut self) -> Result<(), Failure> {
         let begun = || {
             let json = tempfile::tempfile()?;
-            let criterion = self.arguments.criterion.map(Criterion::key);
             let process = Command::new(std::env::current_exe()?)
                 .arg("report")
                 .arg(&self.arguments.model)
                 .args(["--format", "json"])
-                .args(criterion.into_iter().flat_map(|key| ["--criterion", key]))
+                .args(self.arguments.floor.arguments())
                 .args(self.searcher.cache().is_none().then_some("--no-cache"))
                 .stdin(Stdio::null())
                 .stdout(json.try_clone()?)

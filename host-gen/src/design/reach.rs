@@ -4,7 +4,7 @@
 use core::f64::consts::{SQRT_2, TAU};
 use std::sync::OnceLock;
 
-use nalgebra::Complex;
+use nalgebra::{Complex, Vector3};
 use shared::LEGS;
 use shared::supervisor::GENTLE;
 
@@ -233,6 +233,9 @@ impl<'a> Reach<'a> {
                 }
             ),
         };
+        if target.feedback != FeedbackKind::Force && self.is_reached_without_weight()? {
+            reason += "; without gravity it is reached: as the machine tilts on its legs, horizontal accelerometers read its weight";
+        }
         // With both kinds, what one cannot stabilise the other may.
         if target.feedback != FeedbackKind::Both {
             reason += match self.study.growth(&self.zeros)? {
@@ -249,6 +252,24 @@ impl<'a> Reach<'a> {
             };
         }
         Ok(reason)
+    }
+
+    /// Whether the machine has weight, and reaches its target without.
+    fn is_reached_without_weight(&self) -> Result<bool, DesignError> {
+        let machine = self.study.machine();
+        if machine.gravity.norm() == 0.0 {
+            return Ok(false);
+        }
+        let mut other = machine.clone();
+        other.gravity = Vector3::zeros();
+        // Without weight a spring of negative stiffness may be all that is left.
+        let Ok(study) = Study::new(other) else {
+            return Ok(false);
+        };
+        if study.falls().is_some() {
+            return Ok(false);
+        }
+        Reach::new(&study, self.effort, self.progress)?.reaches(machine.target.frequency)
     }
 
     /// What no controller can do, if a certificate was found for it: the continuation of a reason.

@@ -9,12 +9,14 @@ use crate::files::without_byte_order_mark;
 /// What is wrong with a machine, where, and how to fix it.
 ///
 /// Displayed, it is one line: `FILE:LINE:COLUMN: ENTRY: MESSAGE; FIX`, each part where it
-/// is known. A machine that was built in code has no file and no line.
+/// is known. A machine that was built in code has no file and no line. What else is wrong with the
+/// same machine follows, a line for each; all else is about the first.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MachineError {
     file: Option<PathBuf>,
     place: Option<Box<Place>>,
     error: EntryError,
+    more: Vec<MachineError>,
 }
 
 /// Bytes of a file.
@@ -39,6 +41,9 @@ impl fmt::Display for MachineError {
         f.write_str(&self.error.message)?;
         if let Some(fix) = &self.error.fix {
             write!(f, "; {fix}")?;
+        }
+        for other in &self.more {
+            write!(f, "\n{other}")?;
         }
         Ok(())
     }
@@ -73,6 +78,11 @@ impl MachineError {
         Some((line, column))
     }
 
+    /// The line at which the span begins, from 1.
+    pub(super) fn line(&self) -> Option<usize> {
+        self.place().map(|(line, _)| line)
+    }
+
     /// The entry, such as `beams.leg4`; empty for the file as a whole.
     pub fn entry(&self) -> &str {
         &self.error.entry
@@ -88,11 +98,23 @@ impl MachineError {
         self.error.fix.as_deref()
     }
 
+    /// This error, and then the others of the same machine.
+    pub fn all(&self) -> impl Iterator<Item = &Self> {
+        [self].into_iter().chain(&self.more)
+    }
+
+    /// Adds `others` of the same machine.
+    pub(super) fn and(mut self, others: impl IntoIterator<Item = Self>) -> Self {
+        self.more.extend(others);
+        self
+    }
+
     pub(super) fn in_code(error: EntryError) -> Self {
         Self {
             file: None,
             place: None,
             error,
+            more: Vec::new(),
         }
     }
 
@@ -101,6 +123,7 @@ impl MachineError {
             file: Some(file.to_owned()),
             place: None,
             error,
+            more: Vec::new(),
         }
     }
 
@@ -116,6 +139,7 @@ impl MachineError {
                 span: start..span.end.clamp(start, end_of_line),
             })),
             error,
+            more: Vec::new(),
         }
     }
 }
@@ -126,6 +150,8 @@ pub(crate) struct EntryError {
     pub entry: String,
     pub message: String,
     pub fix: Option<String>,
+    /// What else is wrong, each without more.
+    pub more: Vec<EntryError>,
 }
 
 impl EntryError {
@@ -134,12 +160,57 @@ impl EntryError {
             entry: entry.into(),
             message: message.into(),
             fix: None,
+            more: Vec::new(),
         }
+    }
+
+    /// Adds another error and its own others, unless they say the same.
+    pub fn and(mut self, mut other: Self) -> Self {
+        let more = core::mem::take(&mut other.more);
+        for other in [other].into_iter().chain(more) {
+            let same = |known: &Self| known.entry == other.entry && known.message == other.message;
+            if !same(&self) && !self.more.iter().any(same) {
+                self.more.push(other);
+            }
+        }
+        self
     }
 
     /// Says how to fix it.
     pub fn fix(mut self, fix: impl Into<String>) -> Self {
         self.fix = Some(fix.into());
         self
+    }
+}
+
+/// All values, or all errors.
+pub(super) fn all<T>(
+    results: impl IntoIterator<Item = Result<T, EntryError>>,
+) -> Result<Vec<T>, EntryError> {
+    let mut values = Vec::new();
+    let mut found: Option<EntryError> = None;
+    for result in results {
+        match result {
+            Ok(value) => values.push(value),
+            Err(error) => {
+                found = Some(match found {
+                    Some(found) => found.and(error),
+                    None => error,
+                });
+            }
+        }
+    }
+    found.map_or(Ok(values), Err)
+}
+
+/// Both values, or the errors of both.
+pub(super) fn both<A, B>(
+    a: Result<A, EntryError>,
+    b: Result<B, EntryError>,
+) -> Result<(A, B), EntryError> {
+    match (a, b) {
+        (Ok(a), Ok(b)) => Ok((a, b)),
+        (Err(a), Err(b)) => Err(a.and(b)),
+        (Err(error), Ok(_)) | (Ok(_), Err(error)) => Err(error),
     }
 }

@@ -8,7 +8,7 @@ use core::fmt::{self, Display, Formatter};
 
 use toml::Value;
 
-use super::error::EntryError;
+use super::error::{EntryError, all};
 use super::file::MachineFile;
 
 /// The limits of one number: of its magnitude, if it is not zero.
@@ -689,20 +689,19 @@ pub(super) fn check(file: &MachineFile) -> Result<(), EntryError> {
     let Ok(table) = file.to_table() else {
         return Ok(());
     };
-    let mut result = Ok(());
+    let mut beyond = Vec::new();
     numbers(&Value::Table(table), &mut |keys, entry, value| {
         if let Some(limits) = find(keys)
             && value.is_finite()
             && !limits.hold(value)
-            && result.is_ok()
         {
             let name = keys.iter().rfind(|key| !is_place(key));
             let name = name.copied().unwrap_or_default();
             let message = format!("{name} must be {limits}, not {}", short(value));
-            result = Err(EntryError::new(entry, message).fix("check its unit"));
+            beyond.push(Err(EntryError::new(entry, message).fix("check its unit")));
         }
     });
-    result
+    all(beyond).map(|_: Vec<()>| ())
 }
 
 /// The limits of the number under `keys`.

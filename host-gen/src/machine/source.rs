@@ -128,13 +128,26 @@ impl Source {
     }
 
     fn add(&mut self, path: &Path, text: &str) -> Result<Table, MachineError> {
-        let table: Table = text.parse().map_err(|error: toml::de::Error| {
-            let message = error.message().trim().replace('\n', "; ");
-            let message = EntryError::new("", message);
-            match error.span() {
-                Some(span) => MachineError::at(path, text, span, message),
-                None => MachineError::in_file(path, message),
-            }
+        let table: Table = text.parse().map_err(|first| {
+            let of = |error: toml::de::Error| {
+                let message = error.message().trim().replace('\n', "; ");
+                let message = EntryError::new("", message);
+                match error.span() {
+                    Some(span) => MachineError::at(path, text, span, message),
+                    None => MachineError::in_file(path, message),
+                }
+            };
+            // One error in each line: what follows in it may follow from the first.
+            let first = of(first);
+            let mut lines = vec![first.line()];
+            let (_, found) = DeTable::parse_recoverable(text);
+            let others = found.into_iter().map(of).filter(|other| {
+                let new = !lines.contains(&other.line());
+                lines.push(other.line());
+                new
+            });
+            let others: Vec<_> = others.collect();
+            first.and(others)
         })?;
         let statements = table.get(PROVENANCE).and_then(Value::as_array);
         self.parts.push(Part {
@@ -147,7 +160,14 @@ impl Source {
 
     /// `error` with the file and the bytes of its entry: in the first file that has the
     /// whole key, else in the one that has most of it.
-    pub fn locate(&self, error: EntryError) -> MachineError {
+    /// Its others likewise.
+    pub fn locate(&self, mut error: EntryError) -> MachineError {
+        let more = core::mem::take(&mut error.more);
+        let more = more.into_iter().map(|error| self.locate_one(error));
+        self.locate_one(error).and(more)
+    }
+
+    fn locate_one(&self, error: EntryError) -> MachineError {
         let mut best: Option<(usize, &Part, Range<usize>)> = None;
         for (i, part) in self.parts.iter().enumerate() {
             if let Some(entry) = self.within(i, &error.entry)

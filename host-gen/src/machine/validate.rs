@@ -17,7 +17,7 @@ use super::checked::{
     Direction, FlexibleBody, GainErrors, Load, Machine, Node, Performance, PointMass, Robustness,
     Sensor, Spring, Stiffness, Structure, Target, Uncertainty, has_damped_parts,
 };
-use super::error::{EntryError, MachineError};
+use super::error::{EntryError, MachineError, all, both};
 use super::file::{
     BoardEntry, ControlEntry, DampingEntry, DirectionEntry, FeedbackKind, ForceSensorEntry,
     GainsEntry, Inertia, Joint, JointEntry, LawName, LoadEntry, MachineFile, Minimise,
@@ -95,6 +95,7 @@ pub(super) fn structure(file: &MachineFile, source: Source) -> Result<Structure,
 }
 
 fn check_structure(file: &MachineFile, source: &Source) -> Checked<Structure> {
+    // Of another format, nothing else is known.
     if file.format != 1 {
         return Err(EntryError::new(
             "format",
@@ -104,39 +105,68 @@ fn check_structure(file: &MachineFile, source: &Source) -> Checked<Structure> {
             ),
         ));
     }
-    check_name(&file.name)?;
-    limits::check(file)?;
-    let nodes = nodes(file)?;
-    let bodies = bodies(file)?;
-    let flexible = flexible(file, &nodes, source)?;
-    let beams = beams(file, &nodes)?;
-    let springs = springs(file, &nodes)?;
-    let point_masses = point_masses(file, &nodes)?;
-    check_nodes(&nodes, &beams, &springs)?;
+    let numbers = both(check_name(&file.name), limits::check(file));
+    let numbers = both(numbers, finite3("gravity", &file.gravity, ", in m/s²"));
+    let held = nodes(file).and_then(|nodes| {
+        let flexible = flexible(file, &nodes, source);
+        let joined = both(beams(file, &nodes), springs(file, &nodes));
+        let ((flexible, point_masses), (beams, springs)) =
+            both(both(flexible, point_masses(file, &nodes)), joined)?;
+        check_nodes(&nodes, &beams, &springs)?;
+        Ok(Structure {
+            name: file.name.clone(),
+            damping: damping(&file.damping, &beams, &springs, &flexible)?,
+            nodes,
+            bodies: Vec::new(),
+            flexible,
+            beams,
+            springs,
+            point_masses,
+            gravity: Vector3::from(file.gravity),
+            source: Source::default(),
+        })
+    });
+    let ((_, bodies), structure) = both(both(numbers, bodies(file)), held)?;
     Ok(Structure {
-        name: file.name.clone(),
-        damping: damping(&file.damping, &beams, &springs, &flexible)?,
-        nodes,
         bodies,
-        flexible,
-        beams,
-        springs,
-        point_masses,
-        gravity: finite3("gravity", &file.gravity, ", in m/s²")?,
-        source: Source::default(),
+        ..structure
     })
 }
 
+/// Checks what does not depend on what vibrates.
+fn check_settings(file: &MachineFile) -> Checked<Target> {
+    let rate = positive("board.sample_rate", file.board.sample_rate, "Hz");
+    let timed = rate.and_then(|rate| {
+        both(
+            supervision(&file.supervision, rate),
+            simulation(&file.simulation, rate),
+        )
+    });
+    let (target, _) = both(
+        target(&file.control),
+        both(timed, uncertainty(&file.uncertainty)),
+    )?;
+    Ok(target)
+}
+
 fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
-    let structure = check_structure(&file, source)?;
+    let (structure, target) = both(check_structure(&file, source), check_settings(&file))?;
     let bodies = &structure.bodies;
     let names = Names {
         nodes: &structure.nodes,
         beams: &structure.beams,
     };
 
-    let coordinates =
-        names.deformations("coordinates.deformations", &file.coordinates.deformations)?;
+    // What only refers to the rest: all of it is looked at before one error ends the check.
+    let Named {
+        coordinates,
+        actuators,
+        accelerometers,
+        floor,
+        deformations,
+        accelerations,
+        loads,
+    } = Named::new(&file, &names)?;
     let degrees = 6 * bodies.len();
     if coordinates.len() != degrees {
         return Err(EntryError::new(
@@ -149,13 +179,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         ));
     }
 
-    let actuators = file
-        .actuators
-        .beams
-        .iter()
-        .map(|name| names.beam("actuators.beams", name))
-        .collect::<Checked<Vec<_>>>()?;
-    let actuators = six("actuators.beams", actuators)?;
     for (i, beam) in actuators.iter().enumerate() {
         if actuators[..i].contains(beam) {
             return Err(EntryError::new(
@@ -165,18 +188,8 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         }
     }
 
-    let accelerometers = if file.sensors.acceleration.is_empty() {
-        None
-    } else {
-        let all = names.directions("sensors.acceleration", &file.sensors.acceleration)?;
-        Some(six("sensors.acceleration", all)?)
-    };
     let force_sensors = force_sensors(&file.sensors.force, &names, &actuators)?;
 
-    let floor = six(
-        "floor.inputs",
-        names.directions("floor.inputs", &file.floor.inputs)?,
-    )?;
     for input in &floor {
         let node = &names.nodes[input.node];
         if node.carrier != Carrier::Base {
@@ -205,24 +218,17 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
 
     let spectrum = file.floor.spectrum.as_ref().map(spectrum).transpose()?;
 
-    let mut performance: Vec<_> = names
-        .deformations("performance.deformations", &file.performance.deformations)?
+    let mut performance: Vec<_> = deformations
         .into_iter()
         .map(Performance::Deformation)
         .collect();
-    performance.extend(
-        names
-            .directions("performance.accelerations", &file.performance.accelerations)?
-            .into_iter()
-            .map(Performance::Acceleration),
-    );
+    performance.extend(accelerations.into_iter().map(Performance::Acceleration));
     if performance.is_empty() {
         return Err(
             EntryError::new("performance", "there is no performance output")
                 .fix("give deformations or accelerations"),
         );
     }
-    let loads = loads(&file.loads, &names)?;
     let mut bands = Vec::new();
     for (name, &[low, high]) in &file.performance.bands {
         let entry = format!("performance.bands.{name}");
@@ -240,7 +246,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     let exposure = exposure.map(|exposure| positive("performance.exposure", exposure, "s"));
     let exposure = exposure.transpose()?;
 
-    let target = target(&file.control)?;
     if exposure.is_none() && matches!(target.minimise, Minimise::Average | Minimise::Deviation) {
         return Err(EntryError::new(
             "control.minimise",
@@ -266,8 +271,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     let legs = actuators.map(|beam| &structure.beams[beam]);
     let board = board(&file.board, target.feedback, legs)?;
     let shapes = shapes(&file.control, board.sample_rate)?;
-    supervision(&file.supervision, board.sample_rate)?;
-    simulation(&file.simulation, board.sample_rate)?;
     let mut robustness = robustness(&file.robustness, bodies, &names, &actuators)?;
     // What a sensor reads across its axis turns the direction that it reads along.
     let across = board.accelerometer.as_ref();
@@ -314,6 +317,60 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         provenance: file.provenance.clone(),
         description: file,
     })
+}
+
+/// What refers to nodes and beams by name.
+struct Named {
+    coordinates: Vec<Deformation>,
+    actuators: [usize; LEGS],
+    accelerometers: Option<[Direction; LEGS]>,
+    floor: [Direction; LEGS],
+    deformations: Vec<Deformation>,
+    accelerations: Vec<Direction>,
+    loads: Vec<Load>,
+}
+
+impl Named {
+    fn new(file: &MachineFile, names: &Names) -> Checked<Self> {
+        let coordinates = &file.coordinates.deformations;
+        let coordinates = names.deformations("coordinates.deformations", coordinates);
+        let beams = file.actuators.beams.iter();
+        let beams = beams.map(|name| names.beam("actuators.beams", name));
+        let actuators = all(beams).and_then(|all| six("actuators.beams", all));
+        let sensors = &file.sensors.acceleration;
+        let accelerometers = match sensors.is_empty() {
+            true => Ok(None),
+            false => names
+                .directions("sensors.acceleration", sensors)
+                .and_then(|all| six("sensors.acceleration", all))
+                .map(Some),
+        };
+        let floor = names
+            .directions("floor.inputs", &file.floor.inputs)
+            .and_then(|all| six("floor.inputs", all));
+        let performance = &file.performance;
+        let deformations =
+            names.deformations("performance.deformations", &performance.deformations);
+        let accelerations =
+            names.directions("performance.accelerations", &performance.accelerations);
+        let loads = loads(&file.loads, names);
+        let (
+            ((coordinates, actuators), (accelerometers, floor)),
+            ((deformations, accelerations), loads),
+        ) = both(
+            both(both(coordinates, actuators), both(accelerometers, floor)),
+            both(both(deformations, accelerations), loads),
+        )?;
+        Ok(Self {
+            coordinates,
+            actuators,
+            accelerometers,
+            floor,
+            deformations,
+            accelerations,
+            loads,
+        })
+    }
 }
 
 /// The name becomes a file name and part of a comment in the table.
@@ -425,24 +482,29 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
         carriers[index] = Some(carrier);
         Ok(())
     };
+    let mut claimed = Vec::new();
     for name in &file.base.nodes {
-        claim("base.nodes", name, Carrier::Base)?;
+        claimed.push(claim("base.nodes", name, Carrier::Base));
     }
     for name in &file.free.nodes {
-        claim("free.nodes", name, Carrier::Free)?;
+        claimed.push(claim("free.nodes", name, Carrier::Free));
     }
     for (index, (body, spec)) in file.bodies.iter().enumerate() {
         for name in &spec.nodes {
-            claim(&format!("bodies.{body}.nodes"), name, Carrier::Body(index))?;
+            let entry = format!("bodies.{body}.nodes");
+            claimed.push(claim(&entry, name, Carrier::Body(index)));
         }
     }
     for (index, (body, spec)) in file.flexible_bodies.iter().enumerate() {
         for name in &spec.nodes {
             let entry = format!("flexible_bodies.{body}.nodes");
-            claim(&entry, name, Carrier::Flexible(index))?;
+            claimed.push(claim(&entry, name, Carrier::Flexible(index)));
         }
     }
-    file.nodes
+    // A node that is misspelt is not left over as well.
+    all(claimed)?;
+    let nodes = file
+        .nodes
         .iter()
         .zip(carriers)
         .map(|((name, at), carrier)| {
@@ -456,8 +518,8 @@ fn nodes(file: &MachineFile) -> Checked<Vec<Node>> {
                 at: finite3(&entry, at, ", in m")?,
                 carrier,
             })
-        })
-        .collect()
+        });
+    all(nodes)
 }
 
 fn flexible(file: &MachineFile, nodes: &[Node], source: &Source) -> Checked<Vec<FlexibleBody>> {
@@ -470,7 +532,7 @@ fn flexible(file: &MachineFile, nodes: &[Node], source: &Source) -> Checked<Vec<
         let interface = interface.collect::<Checked<Vec<_>>>()?;
         flexible_body(name, spec, folder, interface, nodes)
     });
-    bodies.collect()
+    all(bodies)
 }
 
 fn bodies(file: &MachineFile) -> Checked<Vec<Body>> {
@@ -486,18 +548,19 @@ fn bodies(file: &MachineFile) -> Checked<Vec<Body>> {
     {
         return Err(EntryError::new("bodies", "there must be at least one body"));
     }
-    file.bodies
-        .iter()
-        .map(|(name, spec)| {
-            let entry = format!("bodies.{name}");
-            Ok(Body {
-                name: name.clone(),
-                mass: positive(&format!("{entry}.mass"), spec.mass, "kg")?,
-                inertia: inertia(&format!("{entry}.inertia"), &spec.inertia)?,
-                cog: finite3(&format!("{entry}.cog"), &spec.cog, ", in m")?,
-            })
+    all(file.bodies.iter().map(|(name, spec)| {
+        let entry = format!("bodies.{name}");
+        let mass = positive(&format!("{entry}.mass"), spec.mass, "kg");
+        let inertia = inertia(&format!("{entry}.inertia"), &spec.inertia);
+        let cog = finite3(&format!("{entry}.cog"), &spec.cog, ", in m");
+        let (mass, (inertia, cog)) = both(mass, both(inertia, cog))?;
+        Ok(Body {
+            name: name.clone(),
+            mass,
+            inertia,
+            cog,
         })
-        .collect()
+    }))
 }
 
 /// The tensor of an inertia that some body can have, kg m².
@@ -615,7 +678,7 @@ fn springs(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Spring>> {
             loss_factor: not_negative(&key("loss_factor"), spec.loss_factor.unwrap_or(0.0), "")?,
         })
     });
-    springs.collect()
+    all(springs)
 }
 
 fn point_masses(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<PointMass>> {
@@ -645,11 +708,11 @@ fn point_masses(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<PointMass>> {
             },
         })
     });
-    masses.collect()
+    all(masses)
 }
 
 fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
-    file.beams
+    let beams = file.beams
         .iter()
         .map(|(name, spec)| {
             let entry = format!("beams.{name}");
@@ -704,8 +767,8 @@ fn beams(file: &MachineFile, nodes: &[Node]) -> Checked<Vec<Beam>> {
                 axes: axes(&entry, "the beam", along / length, spec.y_axis.as_ref())?,
                 length,
             })
-        })
-        .collect()
+        });
+    all(beams)
 }
 
 /// The rotations that the joints at the two ends of a beam release, about its local axes.
@@ -1178,8 +1241,8 @@ fn loads(specs: &IndexMap<String, LoadEntry>, names: &Names) -> Checked<Vec<Load
     let directions = specs
         .iter()
         .map(|(name, spec)| (name.clone(), direction(spec)));
-    let all = names.directions("loads", &directions.collect())?;
-    for at in &all {
+    let directions = names.directions("loads", &directions.collect())?;
+    for at in &directions {
         let node = &names.nodes[at.node];
         if node.carrier == Carrier::Base {
             let message = format!(
@@ -1192,7 +1255,7 @@ fn loads(specs: &IndexMap<String, LoadEntry>, names: &Names) -> Checked<Vec<Load
     }
     let moments = specs.values().map(|spec| spec.moment);
     let load = |(at, moment)| Load { at, moment };
-    Ok(all.into_iter().zip(moments).map(load).collect())
+    Ok(directions.into_iter().zip(moments).map(load).collect())
 }
 
 fn spectrum(entry: &SpectrumEntry) -> Checked<Floor> {
@@ -1295,18 +1358,16 @@ impl Names<'_> {
     }
 
     fn deformations(&self, entry: &str, names: &[String]) -> Checked<Vec<Deformation>> {
-        let mut all = Vec::new();
-        for name in names {
+        let mut known = Vec::new();
+        all(names.iter().map(|name| {
             let deformation = self.deformation(entry, name)?;
-            if all.contains(&deformation) {
-                return Err(EntryError::new(
-                    entry,
-                    format!("\"{name}\" is listed twice"),
-                ));
+            if known.contains(&deformation) {
+                let message = format!("\"{name}\" is listed twice");
+                return Err(EntryError::new(entry, message));
             }
-            all.push(deformation);
-        }
-        Ok(all)
+            known.push(deformation);
+            Ok(deformation)
+        }))
     }
 
     fn deformation(&self, entry: &str, name: &str) -> Checked<Deformation> {
@@ -1336,25 +1397,23 @@ impl Names<'_> {
         entry: &str,
         specs: &IndexMap<String, DirectionEntry>,
     ) -> Checked<Vec<Direction>> {
-        specs
-            .iter()
-            .map(|(name, spec)| {
-                let entry = format!("{entry}.{name}");
-                let direction_entry = format!("{entry}.direction");
-                let direction = finite3(&direction_entry, &spec.direction, "")?;
-                let norm = direction.norm();
-                if (norm - 1.0).abs() > UNIT_SLACK {
-                    return Err(EntryError::new(
-                        direction_entry,
-                        format!("direction must be a unit vector; its length is {norm:.6}"),
-                    ));
-                }
-                Ok(Direction {
-                    name: name.clone(),
-                    node: node_index(&format!("{entry}.node"), names(self.nodes), &spec.node)?,
-                    direction: direction / norm,
-                })
+        let directions = specs.iter().map(|(name, spec)| {
+            let entry = format!("{entry}.{name}");
+            let direction_entry = format!("{entry}.direction");
+            let direction = finite3(&direction_entry, &spec.direction, "")?;
+            let norm = direction.norm();
+            if (norm - 1.0).abs() > UNIT_SLACK {
+                return Err(EntryError::new(
+                    direction_entry,
+                    format!("direction must be a unit vector; its length is {norm:.6}"),
+                ));
+            }
+            Ok(Direction {
+                name: name.clone(),
+                node: node_index(&format!("{entry}.node"), names(self.nodes), &spec.node)?,
+                direction: direction / norm,
             })
-            .collect()
+        });
+        all(directions)
     }
 }

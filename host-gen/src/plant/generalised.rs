@@ -16,7 +16,10 @@ use shared::LEGS;
 use super::partial_fractions::PlantPole;
 use super::response::{Gain, Response, Terms, continuous, contour};
 use super::state_space::{INPUTS, Outputs, StateSpace};
-use crate::machine::{EntryError, FeedbackKind, Load, Machine, MachineError, Performance};
+use super::tilt::FloorTilt;
+use crate::machine::{
+    Direction, EntryError, FeedbackKind, Load, Machine, MachineError, Performance,
+};
 use crate::model::design_model::DesignModel;
 use crate::model::multibody::Multibody;
 use crate::model::structure::Modes;
@@ -43,6 +46,8 @@ pub struct Plant {
     /// 1 m/s² along x, y and z, and the rotations that go with it, as [`Multibody::rigid_base`]. Of a
     /// loaded plant, its loads: the identity.
     pub base: Matrix6<f64>,
+    /// What a tilt of the floor does, with gravity.
+    pub(crate) tilt: Option<FloorTilt>,
     /// Whether the rotations in [`base`](Self::base) go with the rates of the translations, 1 m/s³,
     /// as waves in the ground make them.
     pub(crate) waves: bool,
@@ -116,6 +121,14 @@ impl Plant {
                 out.floor
                     .row_mut(i)
                     .copy_from(&(ride * floor_inverse * gain));
+                // Turned by θ relative to the base, it reads along d + θ×d what a − g is there:
+                // −(θ×d)·g = θ·(g×d) more.
+                let tilt = Direction {
+                    direction: machine.gravity.cross(&sensor.direction),
+                    ..sensor.clone()
+                };
+                let row = model.rotation(&tilt).transpose() * shapes;
+                out.weight.row_mut(i).copy_from(&(row * gain));
             }
         }
         if design.feedback != FeedbackKind::Acceleration {
@@ -233,8 +246,9 @@ impl Plant {
         value.columns_mut(0, LEGS).copy_from(&out.floor);
         value.columns_mut(LEGS, LEGS).copy_from(&out.actuators);
         let input = state_space.b.rows(n, n);
-        value += &out.displacement * &soft * input;
-        let slope = (&out.velocity - &out.displacement * &soft * damping) * &soft * input;
+        let displacement = &out.displacement + &out.weight;
+        value += &displacement * &soft * input;
+        let slope = (&out.velocity - displacement * &soft * damping) * &soft * input;
         Ok(Self {
             state_space,
             terms: Terms::new(&poles),
@@ -247,6 +261,11 @@ impl Plant {
                 Matrix6::identity()
             } else {
                 model.rigid_base(machine)
+            },
+            tilt: if loaded {
+                None
+            } else {
+                FloorTilt::new(machine, model, &out.floor, sensors)
             },
             waves: machine.waves && !loaded,
         })
@@ -324,6 +343,7 @@ impl Plant {
             terms: &self.terms,
             part: continuous(&self.poles, &self.slow, s, Complex::ONE),
             sampled: None,
+            tilt: self.tilt.as_ref().map(|tilt| (tilt, s)),
             sensors: self.sensors,
             at_pole,
         }

@@ -10,6 +10,7 @@ pub mod partial_fractions;
 pub mod response;
 pub mod sampled;
 pub mod state_space;
+pub(crate) mod tilt;
 pub mod zeros;
 
 pub use generalised::Plant;

@@ -7,6 +7,7 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6};
 use shared::LEGS;
 
 use super::partial_fractions::PlantPole;
+use super::tilt::FloorTilt;
 use crate::numeric::frequencies::NARROWEST;
 
 /// The residues of all poles as products of real vectors, so that a frequency takes real matrix
@@ -137,6 +138,8 @@ pub struct Response<'a> {
     pub(super) part: ResponsePart<'a>,
     /// For a sampled plant, the response from the samples of the forces to those of the sensors.
     pub(super) sampled: Option<ResponsePart<'a>>,
+    /// What a tilt of the floor does, with s of this frequency, rad/s.
+    pub(super) tilt: Option<(&'a FloorTilt, Complex<f64>)>,
     pub(super) sensors: usize,
     /// Whether the frequency is that of an undamped pole, to ten times [`NARROWEST`].
     pub(super) at_pole: bool,
@@ -163,7 +166,11 @@ pub type Control = Matrix6xX<Complex<f64>>;
 impl Response<'_> {
     /// The block from the floor accelerations, m/s², to the output `rows`.
     pub fn from_floor(&self, rows: Range<usize>) -> Gain {
-        self.part.block(self.terms, rows, 0)
+        let gain = self.part.block(self.terms, rows.clone(), 0);
+        match self.tilt {
+            Some((tilt, s)) => tilt.add(gain, rows, s),
+            None => gain,
+        }
     }
 
     /// The block from the leg forces, N, to the output `rows`.

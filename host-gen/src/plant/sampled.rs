@@ -219,6 +219,7 @@ impl SampledPlant {
         } = &self.lagged;
         Response {
             terms,
+            tilt: self.plant.tilt.as_ref().map(|tilt| (tilt, s)),
             sensors: self.plant.sensors,
             at_pole,
             part: continuous(poles, slow, s, hold),

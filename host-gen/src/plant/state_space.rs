@@ -37,11 +37,13 @@ pub struct DiscreteStateSpace {
 }
 
 /// The outputs in terms of z̈, ż, z, q̈_r and σ, each with one row for each output:
-/// y = acceleration·z̈ + velocity·ż + displacement·z + floor·q̈_r + actuators·σ.
+/// y = acceleration·z̈ + velocity·ż + (displacement + weight)·z + floor·q̈_r + actuators·σ.
 pub(super) struct Outputs {
     pub(super) acceleration: DMatrix<f64>,
     pub(super) velocity: DMatrix<f64>,
     pub(super) displacement: DMatrix<f64>,
+    /// Added to `displacement`: what the accelerometers read of the weight.
+    pub(super) weight: DMatrix<f64>,
     pub(super) floor: MatrixXx6<f64>,
     pub(super) actuators: MatrixXx6<f64>,
 }
@@ -52,6 +54,7 @@ impl Outputs {
             acceleration: DMatrix::zeros(count, modes),
             velocity: DMatrix::zeros(count, modes),
             displacement: DMatrix::zeros(count, modes),
+            weight: DMatrix::zeros(count, modes),
             floor: MatrixXx6::zeros(count),
             actuators: MatrixXx6::zeros(count),
         }
@@ -83,11 +86,12 @@ impl StateSpace {
             acceleration,
             velocity,
             displacement,
+            weight,
             ..
         } = outputs;
         let mut c = DMatrix::zeros(acceleration.nrows(), 2 * n);
         c.columns_mut(0, n)
-            .copy_from(&(displacement - acceleration * stiffness));
+            .copy_from(&(displacement + weight - acceleration * stiffness));
         c.columns_mut(n, n)
             .copy_from(&(velocity - acceleration * damping));
         let mut d = DMatrix::zeros(acceleration.nrows(), INPUTS);

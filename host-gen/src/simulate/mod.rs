@@ -6,6 +6,7 @@ mod base_motion;
 mod blocks;
 pub mod compliance;
 pub mod faults;
+mod floor_tilt;
 mod piezo;
 pub mod profile;
 pub mod push;

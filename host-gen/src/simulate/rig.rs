@@ -12,6 +12,7 @@ use shared::codes::{AdcCode, DacCode, Samples};
 
 use super::base_motion::BaseMotion;
 use super::blocks::{BLOCK, Blocks};
+use super::floor_tilt::Tilt;
 use super::piezo::Stacks;
 use super::shaped_noise::ShapedNoise;
 use crate::floor::Record;
@@ -78,6 +79,8 @@ pub struct Rig {
     base_motion: BaseMotion,
     /// What rotates the base, at the last sample, if waves do, m/s².
     waves: Vector3<f64>,
+    /// The tilt of the floor, with gravity.
+    tilt: Option<Tilt>,
     kinds: Vec<Kind>,
     /// What the piezo stacks do that is not linear.
     stacks: Option<Stacks>,
@@ -144,6 +147,8 @@ impl Rig {
                 shaped,
             }
         };
+        let tilt = plant.plant.tilt.as_ref();
+        let tilt = tilt.map(|tilt| Tilt::new(tilt, shown.clone()));
         let blank = |rows: usize| vec![[0.0; BLOCK]; rows.div_ceil(BLOCK)];
         Self {
             state: blank(output.ncols()),
@@ -163,6 +168,7 @@ impl Rig {
             forces: vec![[0.0; LEGS]; plant.seen_delay() + 1].into(),
             base_motion: BaseMotion::noise(settings, plant.period, stream(0)),
             waves: Vector3::zeros(),
+            tilt,
             kinds: (0..)
                 .zip(board.fed_back().zip(board.gains.sensors))
                 .map(kind)
@@ -208,7 +214,11 @@ impl Rig {
             motion.fixed_rows_mut::<3>(3).copy_from(&rates);
             self.waves = now;
         }
-        let next = self.plant.plant.base * motion * self.floor_gain;
+        let motion = self.plant.plant.base * motion;
+        let mut next = motion * self.floor_gain;
+        if let Some(tilt) = &mut self.tilt {
+            next += tilt.sample(&motion, self.plant.period, self.floor_gain);
+        }
         self.floor = [self.floor[1], next.into()];
         let seen = self.forces[self.plant.whole_periods];
         let [from_state, direct] = &self.sensors;
@@ -261,6 +271,12 @@ impl Rig {
         mean.fill([0.0; BLOCK]);
         from_state.add_product(self.state.as_flattened(), mean);
         from_inputs.add_product(inputs, mean);
+        if let Some(tilt) = &self.tilt {
+            let mean = mean.as_flattened_mut().iter_mut();
+            for (mean, weight) in mean.zip(tilt.weight().iter()) {
+                *mean -= weight;
+            }
+        }
 
         let x = self.state.as_flattened_mut();
         for &(at, z, pair) in &self.poles {

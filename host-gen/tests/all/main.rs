@@ -31,3 +31,4 @@ mod sensor_noise;
 mod soft_start;
 mod spectrum;
 mod springs_and_joints;
+mod tilt;
