@@ -4,7 +4,7 @@ use nalgebra::{Complex, DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 use shared::LEGS;
 
-use super::chart::{Axis, Chart, Colour, Scale, Series, Style};
+use super::chart::{Axis, Chart, Colour, Scale, Series, Style, coinciding};
 use crate::analysis::sigma::{LawKind, SigmaAnalysis};
 use crate::closed_loop::budget::{NoiseBudget, SOURCES, Spectra};
 use crate::closed_loop::isolation::isolation_band;
@@ -60,13 +60,17 @@ pub fn sigma(sigma: &SigmaAnalysis, own: FeedbackKind) -> Chart {
             }
         }
     });
-    Chart::new(
+    let chart = Chart::new(
         "sigma",
         "From the floor to the performance outputs: σ_max(G11)",
-        "The worst-case gain from the floor to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better. Dashed: the ideal law, without delay or sampling. Solid: the sampled, delayed law, as on the board.",
+        "The worst-case gain from the floor to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better.",
         [hertz(), Axis::linear("σ_max(G11), dB")],
         series.collect(),
-    )
+    );
+    Chart {
+        styles: "Dashed: the ideal law, without delay or sampling. Solid: the sampled, delayed law, as on the board.".to_owned(),
+        ..chart
+    }
 }
 
 /// Transmissibility from the floor to the machine as a whole.
@@ -135,15 +139,22 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
     let values: Vec<(f64, ComplexMatrix6)> =
         points.iter().map(|&hz| (hz, modal_loop(hz))).collect();
     let hertz_of = study.design_model().hertz();
-    let name = |k: usize| format!("mode {}, {:.1} Hz", k + 1, hertz_of[k]);
-    let by_mode = |value: &dyn Fn(f64, Complex<f64>) -> (f64, f64)| {
+    // Modes in pairs, as symmetric machines have them, are one curve with one name.
+    let by_mode = |axes: &[Axis; 2], value: &dyn Fn(f64, Complex<f64>) -> (f64, f64)| {
         let one = |k: usize| {
             let points = values.iter().map(|(hz, l)| value(*hz, l[(k, k)]));
-            Series::line(name(k), Colour::Nth(k), points)
+            Series::line("", Colour::Nth(k), points)
         };
-        (0..LEGS).map(one).collect::<Vec<_>>()
+        let all: Vec<Series> = (0..LEGS).map(one).collect();
+        let groups = coinciding(&all, axes.each_ref());
+        let named = groups.into_iter().map(|modes| Series {
+            name: mode_names(&modes, &hertz_of),
+            ..all[modes[0]].clone()
+        });
+        named.collect::<Vec<_>>()
     };
-    let mut gains = by_mode(&|hz, l| (hz, db(l.norm())));
+    let gain_axes = [hertz(), Axis::linear("|L|, dB")];
+    let mut gains = by_mode(&gain_axes, &|hz, l| (hz, db(l.norm())));
     gains.push(limit("1", low, high, 0.0));
     let sensitivity = values.iter().map(|(hz, l)| {
         let smallest = (ComplexMatrix6::identity() + l).singular_values().min();
@@ -163,7 +174,15 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
             db(target.max_sensitivity),
         ),
     ];
-    let mut nyquist = by_mode(&|_, l| (l.re, l.im));
+    let equal = |label: &str| Axis {
+        scale: Scale::Equal,
+        ..Axis::linear(label)
+    };
+    let nyquist_axes = [
+        equal("Re L").from_to(-3.0, 2.0),
+        equal("Im L").from_to(-2.0, 2.0),
+    ];
+    let mut nyquist = by_mode(&nyquist_axes, &|_, l| (l.re, l.im));
     // Around −1: on this circle the sensitivity of one mode is at its bound.
     let radius = 1.0 / target.max_sensitivity;
     let circle = (0..=72).map(|i| {
@@ -171,16 +190,12 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
         (radius * cos - 1.0, radius * sin)
     });
     nyquist.push(Series::line("bound around −1", Colour::Limit, circle).styled(Style::Limit));
-    let equal = |label: &str| Axis {
-        scale: Scale::Equal,
-        ..Axis::linear(label)
-    };
     Ok([
         Chart::new(
             "loop-gain",
             "Loop gain by mode",
             "Opened at the force along each mode of the design model. Where the loop gain is large, the closed loop behaves as the target requires.",
-            [hertz(), Axis::linear("|L|, dB")],
+            gain_axes,
             gains,
         ),
         Chart::new(
@@ -194,13 +209,20 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
             "nyquist",
             "Nyquist curves of the modes",
             "L of each mode in the complex plane, from low frequency to half the sample rate. Modes with little coupling stay outside the circle around −1.",
-            [
-                equal("Re L").from_to(-3.0, 2.0),
-                equal("Im L").from_to(-2.0, 2.0),
-            ],
+            nyquist_axes,
             nyquist,
         ),
     ])
+}
+
+/// The name of modes, by index, that are one curve: their numbers and frequencies.
+fn mode_names(modes: &[usize], hertz: &[f64; LEGS]) -> String {
+    let numbers: Vec<String> = modes.iter().map(|k| (k + 1).to_string()).collect();
+    let mut frequencies: Vec<String> = modes.iter().map(|k| format!("{:.1}", hertz[*k])).collect();
+    frequencies.dedup();
+    let s = if modes.len() > 1 { "s" } else { "" };
+    let [numbers, frequencies] = [numbers, frequencies].map(|words| words.join(" and "));
+    format!("mode{s} {numbers}, {frequencies} Hz")
 }
 
 /// Modes, zeros and poles on one frequency axis.
@@ -337,13 +359,16 @@ pub fn vibration(floor: &str, [open, closed]: &[NoiseBudget; 2]) -> [Chart; 2] {
             [hertz().from_to(0.9, 100.0), Axis::log("velocity, µm/s rms")],
             series,
         ),
-        Chart::new(
-            "spectrum",
-            "Spectrum of the performance, and its sources",
-            "Amplitude density of all performance outputs together. The dashed lines are the parts of floor, sensor noise and converters in the closed loop: the noise budget by frequency.",
-            [hertz(), Axis::log("m/s²/√Hz")],
-            spectrum,
-        ),
+        Chart {
+            styles: "The dashed lines are the parts of floor, sensor noise and converters in the closed loop: the noise budget by frequency.".to_owned(),
+            ..Chart::new(
+                "spectrum",
+                "Spectrum of the performance, and its sources",
+                "Amplitude density of all performance outputs together.",
+                [hertz(), Axis::log("m/s²/√Hz")],
+                spectrum,
+            )
+        },
     ]
 }
 

@@ -14,6 +14,10 @@ pub struct Scene {
     pub beams: Vec<SceneBeam>,
     /// All bodies, in the order of the file.
     pub bodies: Vec<SceneBody>,
+    /// All springs and joints, in the order of the file.
+    pub springs: Vec<SceneSpring>,
+    /// All point masses, in the order of the file.
+    pub point_masses: Vec<ScenePointMass>,
     /// Accelerometers with their directions; empty if there are none.
     pub accelerometers: Vec<Arrow>,
     /// Beams with a force sensor, by index in `beams`.
@@ -72,6 +76,28 @@ pub struct SceneBody {
     pub cog: [f64; 3],
 }
 
+/// A spring or joint of the 3D view.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneSpring {
+    /// Name in the file.
+    pub name: String,
+    /// Nodes p and q, by index in [`Scene::nodes`]; they may be at one place.
+    pub ends: [usize; 2],
+    /// Stiffness along its local x, y and z axes, N/m, then about these, N m; of either sign.
+    pub stiffness: [f64; 6],
+}
+
+/// A point mass of the 3D view.
+#[derive(Clone, Debug, Serialize)]
+pub struct ScenePointMass {
+    /// Name in the file.
+    pub name: String,
+    /// Node, by index in [`Scene::nodes`].
+    pub node: usize,
+    /// Mass, kg.
+    pub mass: f64,
+}
+
 /// A direction at a node of the 3D view.
 #[derive(Clone, Debug, Serialize)]
 pub struct Arrow {
@@ -118,10 +144,22 @@ impl Scene {
             inertia: body.inertia.transpose().into(),
             cog: body.cog.into(),
         });
+        let springs = machine.springs.iter().map(|spring| SceneSpring {
+            name: spring.name.clone(),
+            ends: spring.ends,
+            stiffness: spring.stiffness.into(),
+        });
+        let point_masses = machine.point_masses.iter().map(|mass| ScenePointMass {
+            name: mass.body.name.clone(),
+            node: mass.node,
+            mass: mass.body.mass,
+        });
         Self {
             nodes: nodes.collect(),
             beams: beams.collect(),
             bodies: bodies.collect(),
+            springs: springs.collect(),
+            point_masses: point_masses.collect(),
             accelerometers: machine.accelerometers.iter().flatten().map(arrow).collect(),
             force_sensors: machine.force_sensors.iter().flatten().copied().collect(),
             floor: machine.floor.iter().map(arrow).collect(),

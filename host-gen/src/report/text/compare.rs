@@ -91,6 +91,18 @@ impl Display for MachineComparison {
                 );
             }
         }
-        write_table(f, 0, 1, rows)
+        let mut marked = false;
+        // The first row has the names.
+        for row in rows.iter_mut().skip(1) {
+            if row[1..].iter().any(|cell| *cell != row[1]) {
+                row.push("≠".to_owned());
+                marked = true;
+            }
+        }
+        write_table(f, 0, 1, rows)?;
+        if marked {
+            writeln!(f, "≠  not equal for all machines")?;
+        }
+        Ok(())
     }
 }

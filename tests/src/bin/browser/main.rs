@@ -1,8 +1,10 @@
 //! The report's page in a real browser: it loads without an error and without a
 //! network, its charts have their series, hovering shows a value, modes move as the
-//! model says, and the watched page follows its file.
+//! model says, and the watched page follows its file. On a wide window, a phone and paper, no text
+//! lies on another or is cut off.
 #![forbid(unsafe_code)]
 
+mod sheets;
 mod webdriver;
 
 use std::fs;
@@ -20,6 +22,7 @@ use host_gen::report::chart::Chart;
 use host_gen::report::page::page;
 use host_gen::report::{Report, Review};
 use serde_json::Value;
+use sheets::Sheets;
 use webdriver::Browser;
 
 /// Looks at the page of `host-gen report` and `host-gen watch` in Chromium.
@@ -41,6 +44,18 @@ struct Cli {
 
 const MODEL: &str = "models/metrology-frame.toml";
 const OTHER: &str = "models/smaller-basis.toml";
+
+/// What is wrong with the texts on the page.
+const LAYOUT: &str = include_str!("layout.js");
+
+/// Widths of windows, pixels: of a desk and of a phone.
+const WINDOWS: [u32; 2] = [1400, 390];
+
+/// A4 in pixels between the margins of the page, 14 mm.
+const PAPER: [f64; 2] = [688.0, 1017.0];
+
+/// Most sheets of the page of one machine.
+const SHEETS: usize = 12;
 
 /// A search that takes a laptop half a minute ends by then anywhere.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -76,12 +91,17 @@ fn run(cli: &Cli) -> Result<()> {
     seen.charts(&charts(&review))?;
     seen.hover(&cli.pictures)?;
     seen.modes(&machine)?;
+    seen.layout(&cli.pictures, "report")?;
+    let sheets = seen.printed(&cli.pictures, "report")?;
+    ensure!(sheets <= SHEETS, "{sheets} sheets of paper");
     seen.done(&cli.pictures, "report")?;
-    println!("one machine: charts, hover, modes: as they should be");
+    println!("one machine: charts, hover, modes, layout, {sheets} sheets: as they should be");
 
     let [one, other] = [MODEL, OTHER].map(|model| direct(folder.path(), model));
     let both = Review::new(vec![report(&one?)?, report(&other?)?])?;
     let seen = Seen::open(&browser, &write(folder.path(), "two.html", &both)?)?;
+    seen.layout(&cli.pictures, "side-by-side")?;
+    seen.printed(&cli.pictures, "side-by-side")?;
     seen.side_by_side(&both)?;
     seen.done(&cli.pictures, "side-by-side")?;
     println!("two machines: side by side as they should be");
@@ -265,6 +285,60 @@ impl<'a> Seen<'a> {
         let other = other.is_some_and(|(shown, name)| shown.ends_with(name));
         ensure!(other, "the file shown is {shown}");
         Ok(())
+    }
+
+    /// No text lies on another, is cut off or hard to read, whatever the window, and on paper.
+    fn layout(&self, pictures: &Path, name: &str) -> Result<()> {
+        for width in WINDOWS {
+            for dark in [false, true] {
+                self.browser.look(width, "screen", dark)?;
+                self.until(&format!(
+                    "innerWidth === {width} && [...document.querySelectorAll('[data-chart]')].every((p) => p._fullLayout.width === p.clientWidth)"
+                ))?;
+                let kind = if dark { "dark" } else { "light" };
+                self.texts(&format!("{width} pixels, {kind}"))?;
+                self.picture(pictures, &format!("{name}-{width}-{kind}"))?;
+            }
+        }
+        // Paper is white, whatever the screen is.
+        self.browser.look(PAPER[0] as u32, "print", true)?;
+        self.ask("window.dispatchEvent(new Event('beforeprint'))")?;
+        self.texts("paper")?;
+        let [width, height] = PAPER;
+        let cut = self.ask(&format!(
+            "JSON.stringify([...document.querySelectorAll('figure')].filter((f) => f.offsetHeight > {height} || getComputedStyle(f).breakInside !== 'avoid' || [...f.querySelectorAll('.main-svg')].some((s) => s.getBoundingClientRect().right > {width} + 1)).map((f) => f.textContent))"
+        ))?;
+        ensure!(cut == "[]", "cut off on paper: {cut}");
+        let ground = self.ask("getComputedStyle(document.body).backgroundColor")?;
+        ensure!(ground == "rgb(255, 255, 255)", "paper is {ground}");
+        self.ask("window.dispatchEvent(new Event('afterprint'))")?;
+        self.browser.look(WINDOWS[0], "screen", false)
+    }
+
+    fn texts(&self, on: &str) -> Result<()> {
+        let faults = self.ask(LAYOUT)?;
+        let faults: Vec<String> = serde_json::from_str(faults.as_str().context("no text")?)?;
+        ensure!(faults.is_empty(), "{on}: {}", faults.join("\n"));
+        Ok(())
+    }
+
+    /// Printed, every heading has on its sheet what it is the heading of. The number of sheets.
+    fn printed(&self, pictures: &Path, name: &str) -> Result<usize> {
+        let pdf = self.browser.print()?;
+        fs::write(pictures.join(name).with_extension("pdf"), &pdf)?;
+        let text = String::from_utf8_lossy(&pdf);
+        let sheets = Sheets::new(&text);
+        let headings = sheets.headings();
+        let there = self.number("document.querySelectorAll('h1, h2, h3').length")?;
+        ensure!(
+            headings.len() as f64 == there,
+            "{} of {there} headings printed",
+            headings.len()
+        );
+        let alone = headings.iter().filter(|heading| sheets.is_alone(**heading));
+        let alone = alone.count();
+        ensure!(alone == 0, "{alone} headings at the end of a sheet");
+        Ok(sheets.count())
     }
 
     fn picture(&self, folder: &Path, name: &str) -> Result<()> {

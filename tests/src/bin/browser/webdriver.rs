@@ -118,6 +118,36 @@ impl Browser {
             .map(drop)
     }
 
+    /// From now on the window is `width` pixels wide, and the page as for `media`, "screen" or
+    /// "print", of a reader who prefers dark colours if `dark`.
+    pub fn look(&self, width: u32, media: &str, dark: bool) -> Result<()> {
+        let size =
+            json!({ "width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": false });
+        self.devtools("Emulation.setDeviceMetricsOverride", &size)?;
+        let scheme = if dark { "dark" } else { "light" };
+        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
+        let media = json!({ "media": media, "features": features });
+        self.devtools("Emulation.setEmulatedMedia", &media)
+            .map(drop)
+    }
+
+    /// The page as printed: a PDF whose outline has the headings.
+    pub fn print(&self) -> Result<Vec<u8>> {
+        let settings = json!({
+            "preferCSSPageSize": true,
+            "generateTaggedPDF": true,
+            "generateDocumentOutline": true,
+        });
+        let printed = self.devtools("Page.printToPDF", &settings)?;
+        Ok(BASE64_STANDARD.decode(printed["data"].as_str().context("no print")?)?)
+    }
+
+    /// What the browser answers to a command of its own protocol.
+    fn devtools(&self, command: &str, parameters: &Value) -> Result<Value> {
+        let body = json!({ "cmd": command, "params": parameters });
+        self.post("/goog/cdp/execute", &body)
+    }
+
     /// The window as a PNG.
     pub fn picture(&self) -> Result<Vec<u8>> {
         let request = self
