@@ -296,7 +296,8 @@ fn springs_and_point_masses_are_in_the_view() {
         serde_json::json!([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
     );
     let mass = &scene["point_masses"][0];
-    assert_eq!((&mass["name"], &mass["mass"]), (&"box".into(), &2.5.into()));
+    assert_eq!(mass["name"], "box");
+    assert_eq!(mass["mass"], 2.5);
     assert_eq!(name(&mass["node"]), "n5");
 }
 

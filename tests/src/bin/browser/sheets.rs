@@ -51,27 +51,32 @@ impl<'a> Sheets<'a> {
         elsewhere(next) || elsewhere(paragraph.and_then(|paragraph| self.next(paragraph)))
     }
 
-    /// Elements in `element`.
+    /// Elements in `element`: of the references in its list those that name no sheet.
     fn children(&self, element: u32) -> Vec<u32> {
         let Some((_, list)) = self.0.get(&element).and_then(|o| o.split_once("\n/K ")) else {
             return Vec::new();
         };
-        let list = list.split([']', '>']).next().unwrap_or(list);
-        let words: Vec<&str> = list.trim_start_matches('[').split_whitespace().collect();
-        let references = words.windows(3).filter(|words| words[2] == "R");
+        let list = match list.strip_prefix('[') {
+            Some(list) => list.split(']').next().unwrap_or(list),
+            None => list.split('\n').next().unwrap_or(list),
+        };
+        let words: Vec<&str> = list.split([' ', '\n', '>']).collect();
+        let references = words.iter().enumerate().filter(|(i, word)| {
+            **word == "R" && *i >= 2 && (*i == 2 || !words[i - 3].ends_with("/Pg"))
+        });
         references
-            .filter_map(|words| words[0].parse().ok())
+            .filter_map(|(i, _)| words[i - 2].parse().ok())
             .collect()
     }
 
-    /// The sheet on which `element` begins.
+    /// The sheet on which `element` begins. What it draws itself, as lines between rows, comes after
+    /// the text in it.
     fn sheet(&self, element: u32) -> Option<u32> {
-        let own = number(self.0.get(&element)?, "\n/Pg ");
-        own.or_else(|| {
-            self.children(element)
-                .into_iter()
-                .find_map(|e| self.sheet(e))
-        })
+        let within = self.children(element).into_iter();
+        let mut sheets = within.filter_map(|e| self.sheet(e));
+        sheets
+            .next()
+            .or_else(|| number(self.0.get(&element)?, "\n/Pg "))
     }
 
     /// The first element with anything on a sheet that comes after the end of `element`.
