@@ -328,7 +328,7 @@ class Stage {
     let last = performance.now();
     const step = (now) => {
       if (this.ended) return;
-      if (this.playing && this.mode !== null) {
+      if (this.playing && this.mode !== null && !on_paper()) {
         this.phase += (2 * Math.PI * 0.6 * (now - last)) / 1000;
         this.pose(Math.sin(this.phase));
       }

@@ -124,6 +124,9 @@ impl Browser {
         let size =
             json!({ "width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": false });
         self.devtools("Emulation.setDeviceMetricsOverride", &size)?;
+        // Paper has none, and its width is that of the text.
+        let bars = json!({ "hidden": media == "print" });
+        self.devtools("Emulation.setScrollbarsHidden", &bars)?;
         let scheme = if dark { "dark" } else { "light" };
         let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
         let media = json!({ "media": media, "features": features });
