@@ -5,8 +5,8 @@ use serde::Serialize;
 /// A chart: axes, series and marks.
 #[derive(Clone, Debug, Serialize)]
 pub struct Chart {
-    /// Identifier in file names and on the page: lower-case letters and hyphens.
-    pub id: &'static str,
+    /// Identifier in file names and on the page: ASCII letters, digits, hyphens and underscores.
+    pub id: String,
     /// Title above the chart.
     pub title: String,
     /// What it shows and how to read it.
@@ -26,14 +26,14 @@ pub struct Chart {
 impl Chart {
     /// A chart without marks; `x` and `y` are its axes.
     pub fn new(
-        id: &'static str,
+        id: impl Into<String>,
         title: impl Into<String>,
         note: impl Into<String>,
         [x, y]: [Axis; 2],
         series: Vec<Series>,
     ) -> Self {
         Self {
-            id,
+            id: id.into(),
             title: title.into(),
             note: note.into(),
             styles: String::new(),

@@ -5,12 +5,14 @@ use rayon::prelude::*;
 use shared::LEGS;
 
 use super::chart::{Axis, Chart, Colour, Scale, Series, Style, coinciding};
+use crate::analysis::compliance::{Compliance, LoadCompliance, OutputCompliance};
 use crate::analysis::sigma::{LawKind, SigmaAnalysis};
 use crate::closed_loop::budget::{NoiseBudget, SOURCES, Spectra};
 use crate::closed_loop::isolation::isolation_band;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, Study};
+use crate::files::identifier::identifiers;
 use crate::floor::criterion::{Criterion, third_centres};
 use crate::machine::{Carrier, FeedbackKind, Machine};
 use crate::model::energy::{Kind, energies};
@@ -119,6 +121,59 @@ pub fn isolation(own: &DesignedStudy) -> Result<Chart, NumericError> {
         [hertz(), Axis::linear("transmissibility, dB")],
         series,
     ))
+}
+
+/// How far each load displaces its own node and the performance outputs, one chart for each load.
+pub fn compliance(Compliance { hz, loads }: &Compliance) -> Vec<Chart> {
+    let ids = identifiers(loads.iter().map(|load| ("compliance", &load.name[..])));
+    let one = |(load, id): (&LoadCompliance, String)| {
+        let performance = &load.outputs[..load.outputs.len() - loads.len()];
+        let size = |output: &OutputCompliance| output.open_highest.magnitude;
+        let largest = (0..performance.len())
+            .max_by(|&a, &b| size(&performance[a]).total_cmp(&size(&performance[b])));
+        let outputs = performance.iter().enumerate().map(|(i, output)| {
+            let shown = Some(i) == largest;
+            (output, shown, false)
+        });
+        let outputs = [(load.own(), true, true)].into_iter().chain(outputs);
+        // What is zero has no place on a logarithmic axis.
+        let outputs = outputs.filter(|(output, ..)| size(output) > 0.0);
+        let series = outputs.enumerate().flat_map(|(n, (output, shown, main))| {
+            let line = |side: &str, magnitudes: &[f64]| {
+                let points = hz.iter().copied().zip(magnitudes.iter().copied());
+                let name = format!("{}, {side}", output.name);
+                let line = Series::line(name, Colour::Nth(n), points.filter(|(_, y)| *y > 0.0));
+                Series {
+                    main,
+                    ..line.shown(shown)
+                }
+            };
+            let open = line("open", &output.open).styled(Style::Dashed);
+            let closed = output.closed.as_ref().map(|closed| line("closed", closed));
+            [open].into_iter().chain(closed)
+        });
+        let (what, per) = match load.unit {
+            "N" => ("force along its direction", "m/N"),
+            _ => (
+                "moment about its axis, which turns its node, rad",
+                "m or rad per N m",
+            ),
+        };
+        let chart = Chart::new(
+            id,
+            format!("Compliance to {}", load.name),
+            format!(
+                "The {what}: the motion of its own node, and of the performance outputs, that a sine of size 1 makes at each frequency. Lower is stiffer. What symmetry makes zero is left out. Click in the legend to show other outputs."
+            ),
+            [hertz(), Axis::log(format!("displacement, {per}"))],
+            series.collect(),
+        );
+        Chart {
+            styles: "Dashed: without control. Solid: with control.".to_owned(),
+            ..chart
+        }
+    };
+    loads.iter().zip(ids).map(one).collect()
 }
 
 /// Loop gain by mode, sensitivity, and the Nyquist curves of the modes.

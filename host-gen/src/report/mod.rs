@@ -4,6 +4,7 @@ use indexmap::IndexMap;
 use serde::Serialize;
 
 use crate::analysis::compare::MachineComparison;
+use crate::analysis::compliance::Compliance;
 use crate::analysis::controller::DesignAnalysis;
 use crate::analysis::floors::FloorAnalysis;
 use crate::analysis::gains::GainAnalysis;
@@ -58,6 +59,8 @@ pub struct Report {
     /// Gains for each kind of feedback that the machine has sensors for.
     gains: Vec<GainAnalysis>,
     zeros: ZeroAnalysis,
+    /// Displacements for the loads, whose lists over frequency are in the charts; none without loads.
+    compliance: Option<Compliance>,
     closed: Option<Closed>,
     /// The reason if there is no closed loop.
     missing: Option<String>,
@@ -160,6 +163,8 @@ impl Report {
             charts::isolation(own)?,
             charts::frequencies(studies)?,
         ];
+        let compliance = Compliance::of(study, own.design.as_ref().ok())?;
+        charts.extend(compliance.iter().flat_map(charts::compliance));
         let mut closed = None;
         if let Ok(design) = &own.design {
             let table = &design.table;
@@ -215,6 +220,7 @@ impl Report {
             modes: ModeAnalysis::new(study),
             gains: gains.map(GainAnalysis::new).collect::<Result<_, _>>()?,
             zeros: ZeroAnalysis::new(machine)?,
+            compliance: compliance.map(Compliance::without_spectra),
             closed,
             missing: own.design.as_ref().err().map(NoDesign::to_string),
             charts,
@@ -228,10 +234,10 @@ impl Report {
 
     /// All charts, then all drawings, each with its file name without extension.
     pub fn pictures(&self) -> Vec<(String, &Chart)> {
-        let charts = self.charts.iter().map(|c| (c.id.to_owned(), c));
+        let charts = self.charts.iter().map(|c| (c.id.clone(), c));
         let drawings = self.drawings.iter().enumerate();
         let drawings = drawings.map(|(i, c)| match i {
-            0 => (c.id.to_owned(), c),
+            0 => (c.id.clone(), c),
             _ => (format!("{}-{i}", c.id), c),
         });
         charts.chain(drawings).collect()

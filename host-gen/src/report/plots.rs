@@ -25,7 +25,7 @@ const FAMILY: &str = "DejaVu Sans";
 #[derive(Debug, thiserror::Error)]
 #[error("the chart {chart} cannot be drawn: {reason}")]
 pub struct PlotError {
-    chart: &'static str,
+    chart: String,
     reason: String,
 }
 
@@ -203,7 +203,7 @@ fn colour(series: &Series) -> RGBColor {
 pub fn svg(chart: &Chart) -> Result<String, PlotError> {
     let mut text = String::new();
     draw(chart, &mut text).map_err(|reason| PlotError {
-        chart: chart.id,
+        chart: chart.id.clone(),
         reason: reason.to_string(),
     })?;
     Ok(text)
@@ -326,7 +326,7 @@ fn draw(chart: &Chart, text: &mut String) -> Result<(), Box<dyn std::error::Erro
 /// [`PlotError`] if `svg` is not valid SVG.
 pub fn png(chart: &Chart, svg: &str) -> Result<Vec<u8>, PlotError> {
     let failed = |reason: String| PlotError {
-        chart: chart.id,
+        chart: chart.id.clone(),
         reason,
     };
     let mut options = Options::default();

@@ -269,6 +269,20 @@ function response(m) {
   return `${waiting(m)}${charts_of(m, "sigma")}${missing}${m.closed ? tables : charts_of(m, "isolation")}`;
 }
 
+function compliance(m) {
+  if (!m.compliance) return "";
+  const tables = m.compliance.loads.map((load) => {
+    const rows = load.outputs.map((o) => {
+      const side = (highest) => (highest ? [short(highest.magnitude, 3), short(highest.hz, 3)] : ["–", "–"]);
+      return [escape(o.name), o.unit, short(Math.abs(o.fixed), 3), ...side(o.open_highest), ...side(o.closed_highest)];
+    });
+    return `<div><h3>Per ${load.unit} of ${escape(load.name)}</h3>${table(["", "unit", "at rest", "highest, open", "at Hz", "highest, closed", "at Hz"], rows, 2)}</div>`;
+  });
+  const charts = m.charts.filter((c) => c.id.startsWith("compliance_"));
+  return `<p>How far forces and moments on the machine displace it. At rest, control changes nothing, since it does not act on constant accelerations.</p>
+    ${charts_of(m, ...charts.map((c) => c.id))}<div class="columns">${tables.join("")}</div>`;
+}
+
 function zeros(m) {
   const tables = m.zeros.kinds.map((kind) => {
     const rows = kind.zeros.map((z) => [fixed(z.hz, 3), fixed(z.damping, 4), fixed(z.nearest_closed_loop_hz, 3)]);
@@ -370,7 +384,7 @@ function file(m) {
 }
 
 const SECTIONS = [
-  ["glance", "At a glance", glance], ["machine", "The machine", machine], ["response", "From the floor", response], ["zeros", "Zeros", zeros],
+  ["glance", "At a glance", glance], ["machine", "The machine", machine], ["response", "From the floor", response], ["compliance", "Under loads", compliance], ["zeros", "Zeros", zeros],
   ["loop", "The loop", loop], ["budgets", "Budgets", budgets], ["vibration", "Vibration", vibration], ["time", "In time", time],
   ["gains", "Gains", gains], ["assumptions", "Assumptions", assumptions], ["file", "File and versions", file],
 ];
@@ -383,6 +397,7 @@ function side_by_side(both) {
   const list = (key) => columns.map((c) => c[key].map((hz) => fixed(hz, 2)).join(", ") || "–");
   const shaped = (cell) => columns.map((c) => (c.shaped ? cell(c.shaped) : "unreachable"));
   const bands = [...new Set(columns.flatMap((c) => (c.shaped ? c.shaped.bands.map((b) => b.name) : [])))];
+  const loads = [...new Map(columns.flatMap((c) => c.compliance.map(({ load, unit }) => [`${load} ${unit}`, [load, unit]]))).values()];
   const level = (name, key) => shaped((s) => fixed(s.bands.find((b) => b.name === name)?.[key]));
   const rows = [
     ["feedback", ...columns.map((c) => c.feedback)],
@@ -392,6 +407,11 @@ function side_by_side(both) {
     ["peak sensitivity", ...shaped((s) => fixed(s.peak_sensitivity.value, 3))],
     ["isolates from, Hz", ...shaped((s) => fixed(s.isolation_from_hz, 2))],
     ...bands.flatMap((name) => [["open", "open_db"], ["ideal", "ideal_db"], ["sampled", "sampled_db"]].map(([what, key]) => [rich(`σ_max(G11), ${name}, ${what}, dB`), ...level(name, key)])),
+    ...loads.flatMap(([load, unit]) => [["at rest", (own) => own.at_rest], ["highest, open", (own) => own.open_highest.magnitude], ["highest, closed", (own) => own.closed_highest?.magnitude]].map(([what, value]) => [
+      `compliance to ${escape(load)}, ${what}, ${unit}`, ...columns.map((c) => {
+        const own = c.compliance.find((own) => own.load === load && own.unit === unit);
+        return own ? short(value(own), 3) : "–";
+      })])),
   ].filter(([, ...cells]) => cells.some((cell) => cell !== "–"));
   const unequal = ([, ...cells]) => cells.some((cell) => cell !== cells[0]);
   const settings = differences.map(([key, values]) => [`<code>${escape(key)}</code>`, ...values.map((v) => (v === null ? "–" : `<code>${escape(v)}</code>`))]);
@@ -450,7 +470,11 @@ function show_machine(index) {
   chosen.machine = index;
   const host = document.getElementById("sections");
   for (const place of host.querySelectorAll("[data-chart]")) Plotly.purge(place);
-  host.innerHTML = SECTIONS.map(([id, title, body]) => `<section id="${id}"><h2>${title}</h2>${body(m)}</section>`).join("");
+  // What the machine has nothing for is left out.
+  const sections = SECTIONS.map(([id, title, body]) => [id, title, body(m)]).filter(([, , text]) => text);
+  host.innerHTML = sections.map(([id, title, text]) => `<section id="${id}"><h2>${title}</h2>${text}</section>`).join("");
+  const links = [...(review.side_by_side ? [["compared", "Side by side"]] : []), ...sections];
+  document.getElementById("contents").innerHTML = links.map(([id, title]) => `<a href="#${id}">${title}</a>`).join("");
   draw_charts(host, m.charts);
   three_d(m);
   for (const [i, button] of [...document.querySelectorAll(".tabs button")].entries()) button.setAttribute("aria-pressed", i === index);
@@ -465,8 +489,6 @@ function start() {
   document.getElementById("subtitle").textContent = both
     ? `${names.length} machines on six hard mounts, side by side`
     : `A machine on six hard mounts, ${m.feedback} feedback for ${short(m.frequency_hz)} Hz. Model ${m.model_sha256.slice(0, 12)}.`;
-  const links = [...(both ? [["compared", "Side by side"]] : []), ...SECTIONS];
-  document.getElementById("contents").innerHTML = links.map(([id, title]) => `<a href="#${id}">${title}</a>`).join("");
   const tabs = both ? `<div class="tabs">${names.map((n, i) => `<button data-machine="${i}">${escape(n)}</button>`).join("")}</div>` : "";
   const main = document.getElementById("main");
   main.innerHTML = `${both ? side_by_side(both) : ""}${tabs}<div id="sections"></div>`;
