@@ -14,9 +14,9 @@ use crate::plant::{Gain, SampledPlant};
 /// Highest frequency, Hz, of what is shown: that of the charts of σ_max.
 const TOP: f64 = 300.0;
 
-/// Compliances below this part of the largest to the same load are given as zero: symmetry makes them
-/// so, but for rounding.
-const ROUNDING: f64 = 1e-12;
+/// A displacement below this part of the largest to the same load, at every frequency, is given as
+/// zero: symmetry makes it so, but for rounding.
+const ROUNDING: f64 = 1e-10;
 
 /// The displacements for every load of a machine over frequency.
 #[derive(Clone, Debug, Serialize)]
@@ -125,7 +125,7 @@ impl Compliance {
         };
         let open = at_all(&|hz| plant.plant.open(hz, rows.clone()));
         let closed = closed.map(|closed| at_all(&|hz| closed.close(hz, rows.clone())));
-        let at_rest = plant.plant.at_rest(rows.clone());
+        let at_rest = plant.plant.at_rest(rows);
         let names = displacements(machine);
         let loads = machine.loads.iter().enumerate().map(|(j, load)| {
             let magnitudes = |gains: &[Gain], i: usize| -> Vec<f64> {
@@ -133,16 +133,20 @@ impl Compliance {
             };
             let all = (0..names.len()).flat_map(|i| magnitudes(&open, i));
             let rounding = ROUNDING * all.fold(0.0, f64::max);
-            let or_zero = |x: f64| if x.abs() > rounding { x } else { 0.0 };
             let outputs = names.iter().enumerate().map(|(i, (name, unit))| {
-                let of = |gains: &Vec<Gain>| -> Vec<f64> {
-                    magnitudes(gains, i).into_iter().map(or_zero).collect()
+                let of = |gains: &Vec<Gain>| {
+                    let mut all = magnitudes(gains, i);
+                    if all.iter().all(|x| *x < rounding) {
+                        all.fill(0.0);
+                    }
+                    all
                 };
                 let (open, closed) = (of(&open), closed.as_ref().map(of));
+                let fixed = at_rest[(i, j)];
                 OutputCompliance {
                     name: name.clone(),
                     unit,
-                    fixed: or_zero(at_rest[(i, j)]),
+                    fixed: if fixed.abs() < rounding { 0.0 } else { fixed },
                     open_highest: Highest::new(&hz, &open),
                     closed_highest: closed.as_ref().map(|closed| Highest::new(&hz, closed)),
                     open,

@@ -4,6 +4,7 @@ use nalgebra::{Complex, DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 use shared::LEGS;
 
+use super::SIGMA;
 use super::chart::{Axis, Chart, Colour, Scale, Series, Style, coinciding};
 use crate::analysis::compliance::{Compliance, LoadCompliance, OutputCompliance};
 use crate::analysis::sigma::{LawKind, SigmaAnalysis};
@@ -14,8 +15,9 @@ use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, Study};
 use crate::files::identifier::identifiers;
 use crate::floor::criterion::{Criterion, third_centres};
-use crate::machine::{Carrier, FeedbackKind, Machine};
+use crate::machine::{Carrier, FeedbackKind, Machine, Structure};
 use crate::model::energy::{Kind, energies};
+use crate::model::structure::StructureModel;
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::numeric::singular::largest_singular_value;
@@ -131,31 +133,31 @@ pub fn compliance(Compliance { hz, loads }: &Compliance) -> Vec<Chart> {
         let size = |output: &OutputCompliance| output.open_highest.magnitude;
         let largest = (0..performance.len())
             .max_by(|&a, &b| size(&performance[a]).total_cmp(&size(&performance[b])));
-        let outputs = performance.iter().enumerate().map(|(i, output)| {
-            let shown = Some(i) == largest;
-            (output, shown, false)
-        });
-        let outputs = [(load.own(), true, true)].into_iter().chain(outputs);
-        // What is zero has no place on a logarithmic axis.
-        let outputs = outputs.filter(|(output, ..)| size(output) > 0.0);
-        let series = outputs.enumerate().flat_map(|(n, (output, shown, main))| {
+        let outputs = [load.own()].into_iter().chain(performance);
+        let series = outputs.enumerate().flat_map(|(n, output)| {
+            let own = n == 0;
+            let shown = own || largest.is_some_and(|largest| n == largest + 1);
             let line = |side: &str, magnitudes: &[f64]| {
                 let points = hz.iter().copied().zip(magnitudes.iter().copied());
+                // Below, it is as at rest.
+                let points = points.filter(|(hz, _)| *hz >= SIGMA.0);
                 let name = format!("{}, {side}", output.name);
-                let line = Series::line(name, Colour::Nth(n), points.filter(|(_, y)| *y > 0.0));
-                Series {
-                    main,
-                    ..line.shown(shown)
-                }
+                let line = Series::line(name, Colour::Nth(n), points).shown(shown);
+                if own { line.main() } else { line }
             };
             let open = line("open", &output.open).styled(Style::Dashed);
             let closed = output.closed.as_ref().map(|closed| line("closed", closed));
-            [open].into_iter().chain(closed)
+            [Some(open), closed].into_iter().flatten()
         });
-        let (what, per) = match load.unit {
-            "N" => ("force along its direction", "m/N"),
+        // What is zero has no place on a logarithmic axis.
+        let series = series.filter(|line| line.y.iter().any(|y| *y > 0.0));
+        let (note, per) = match load.unit {
+            "N" => (
+                "How far a force along its direction moves its own node along it, and the performance outputs, per newton.",
+                "m per N",
+            ),
             _ => (
-                "moment about its axis, which turns its node, rad",
+                "How far a moment about its axis turns its own node about it, rad, and moves the performance outputs, m, per newton metre.",
                 "m or rad per N m",
             ),
         };
@@ -163,9 +165,9 @@ pub fn compliance(Compliance { hz, loads }: &Compliance) -> Vec<Chart> {
             id,
             format!("Compliance to {}", load.name),
             format!(
-                "The {what}: the motion of its own node, and of the performance outputs, that a sine of size 1 makes at each frequency. Lower is stiffer. What symmetry makes zero is left out. Click in the legend to show other outputs."
+                "{note} Lower is stiffer. What symmetry makes zero is left out. Click in the legend to show other outputs."
             ),
-            [hertz(), Axis::log(format!("displacement, {per}"))],
+            [hertz(), Axis::log(per)],
             series.collect(),
         );
         Chart {
@@ -516,26 +518,30 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
     ]
 }
 
-/// The machine in an oblique view from above, m: at rest, then once for each mode. The
-/// numbers of points grow in proportion to the numbers of nodes and beams.
-pub fn drawings(study: &Study) -> Vec<Chart> {
-    let machine = study.machine();
-    let modes = study.model().modes();
+/// The machine in an oblique view from above, m: at rest, then once for each mode. `legs` are the
+/// beams with actuators, by index. The numbers of points grow in proportion to the numbers of nodes
+/// and beams. None of a machine with neither bodies nor beams.
+pub fn drawings(machine: &Structure, legs: &[usize], model: &StructureModel) -> Vec<Chart> {
+    let modes = model.modes();
+    let at_rest = Drawing::new(machine, legs, model, None);
+    if at_rest.series().is_empty() {
+        return Vec::new();
+    }
     let axis = || Axis {
         scale: Scale::Equal,
         ..Axis::linear("m")
     };
-    let at_rest = Drawing::new(study, None);
     let mut drawings = vec![Chart::new(
         "machine",
         format!("{}: legs, bodies, beams", machine.name),
         "Oblique view from above. A body is drawn as lines from its centre of gravity to its nodes.",
         [axis(), axis()],
-        at_rest.series().into(),
+        at_rest.series(),
     )];
     let rest = [&at_rest.legs[..], &at_rest.others].concat();
     for (i, hz) in modes.hertz().into_iter().enumerate() {
-        let moved = Drawing::new(study, Some(&modes.shapes.column(i).into_owned()));
+        let shape = modes.shapes.column(i).into_owned();
+        let moved = Drawing::new(machine, legs, model, Some(&shape));
         let mut series =
             vec![Series::line("at rest", Colour::Open, rest.clone()).styled(Style::Dashed)];
         series.extend(moved.series());
@@ -560,9 +566,12 @@ struct Drawing {
 
 impl Drawing {
     /// The machine at rest, or moved along a mode shape.
-    fn new(study: &Study, shape: Option<&DVector<f64>>) -> Self {
-        let machine = study.machine();
-        let model = study.model();
+    fn new(
+        machine: &Structure,
+        legs: &[usize],
+        model: &StructureModel,
+        shape: Option<&DVector<f64>>,
+    ) -> Self {
         let moved: Vec<Vector3<f64>> = (0..machine.nodes.len())
             .map(|node| match shape {
                 Some(shape) => model.translation(node, shape),
@@ -605,7 +614,7 @@ impl Drawing {
             points.chain([(f64::NAN, f64::NAN)]).collect::<Vec<_>>()
         };
         let others = 0..machine.beams.len();
-        let others = others.filter(|i| !machine.actuators.contains(i));
+        let others = others.filter(|i| !legs.contains(i));
         let carried = machine.nodes.iter().enumerate();
         let bodies = carried.filter_map(|(i, carried)| match carried.carrier {
             Carrier::Base | Carrier::Free => None,
@@ -613,22 +622,23 @@ impl Drawing {
             Carrier::Body(body) => Some(segment(cog(body), node(i))),
         });
         Self {
-            legs: machine
-                .actuators
-                .iter()
-                .flat_map(|leg| beam(*leg))
-                .collect(),
+            legs: legs.iter().flat_map(|leg| beam(*leg)).collect(),
             others: others.flat_map(beam).collect(),
             bodies: bodies.flatten().collect(),
         }
     }
 
-    fn series(&self) -> [Series; 3] {
-        [
-            Series::line("bodies", Colour::Nth(4), self.bodies.iter().copied()),
-            Series::line("legs", Colour::Nth(1), self.legs.iter().copied()),
-            Series::line("other beams", Colour::Nth(2), self.others.iter().copied()),
-        ]
+    /// One for each kind of part that the machine has.
+    fn series(&self) -> Vec<Series> {
+        let parts = [
+            ("bodies", Colour::Nth(4), &self.bodies),
+            ("legs", Colour::Nth(1), &self.legs),
+            ("other beams", Colour::Nth(2), &self.others),
+        ];
+        let parts = parts.into_iter().filter(|(.., points)| !points.is_empty());
+        parts
+            .map(|(name, colour, points)| Series::line(name, colour, points.iter().copied()))
+            .collect()
     }
 }
 
@@ -643,7 +653,7 @@ fn oblique(p: Vector3<f64>) -> (f64, f64) {
 }
 
 /// The diagonal of the box around all nodes, its sides along the axes, m.
-fn size(machine: &Machine) -> f64 {
+fn size(machine: &Structure) -> f64 {
     let nodes = || machine.nodes.iter().map(|node| node.at);
     let low = nodes().reduce(|a, b| a.inf(&b));
     let high = nodes().reduce(|a, b| a.sup(&b));

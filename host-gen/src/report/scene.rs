@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use crate::machine::{Carrier, Direction, Machine};
+use crate::machine::{Carrier, Direction, Machine, Structure};
 
 /// The parts of a machine for the 3D view. Indices count from 0.
 #[derive(Clone, Debug, Serialize)]
@@ -112,11 +112,25 @@ pub struct Arrow {
 impl Scene {
     /// The scene of `machine`.
     pub fn new(machine: &Machine) -> Self {
+        let mut scene = Self::of_structure(machine);
+        for (channel, leg) in machine.actuators.iter().enumerate() {
+            scene.beams[*leg].channel = Some(channel + 1);
+        }
         let arrow = |d: &Direction| Arrow {
             name: d.name.clone(),
             node: d.node,
             direction: d.direction.into(),
         };
+        Self {
+            accelerometers: machine.accelerometers.iter().flatten().map(arrow).collect(),
+            force_sensors: machine.force_sensors.iter().flatten().copied().collect(),
+            floor: machine.floor.iter().map(arrow).collect(),
+            ..scene
+        }
+    }
+
+    /// The scene of a machine without control.
+    pub fn of_structure(machine: &Structure) -> Self {
         let nodes = machine.nodes.iter().map(|node| SceneNode {
             name: node.name.clone(),
             at: node.at.into(),
@@ -126,14 +140,10 @@ impl Scene {
             },
             free: matches!(node.carrier, Carrier::Free | Carrier::Flexible(_)),
         });
-        let beams = machine.beams.iter().enumerate().map(|(i, beam)| SceneBeam {
+        let beams = machine.beams.iter().map(|beam| SceneBeam {
             name: beam.name.clone(),
             ends: beam.ends,
-            channel: machine
-                .actuators
-                .iter()
-                .position(|leg| *leg == i)
-                .map(|channel| channel + 1),
+            channel: None,
             axial: beam.stiffness.axial,
             bending: beam.stiffness.bending,
             torsion: beam.stiffness.torsion,
@@ -160,9 +170,9 @@ impl Scene {
             bodies: bodies.collect(),
             springs: springs.collect(),
             point_masses: point_masses.collect(),
-            accelerometers: machine.accelerometers.iter().flatten().map(arrow).collect(),
-            force_sensors: machine.force_sensors.iter().flatten().copied().collect(),
-            floor: machine.floor.iter().map(arrow).collect(),
+            accelerometers: Vec::new(),
+            force_sensors: Vec::new(),
+            floor: Vec::new(),
         }
     }
 }

@@ -382,7 +382,7 @@ fn pictures_show_their_series() {
 fn axes_of_pictures_are_true() {
     let points = [(1.0, 0.0), (10.0, 5.0), (100.0, 10.0)];
     let chart = Chart {
-        id: "true",
+        id: "true".to_owned(),
         title: "true".to_owned(),
         note: String::new(),
         styles: String::new(),
@@ -626,4 +626,98 @@ fn drawings_grow_in_proportion_to_the_nodes() {
         assert!(many > few);
         assert_eq!(most - many, 2 * (many - few));
     }
+}
+
+/// The compliance on the page: at rest that of the stiffness alone, and over frequency that of the
+/// equation of motion, without damping. What symmetry makes zero is not drawn.
+#[test]
+fn compliance_on_the_page_is_that_of_the_equation_of_motion() {
+    let edits = [("damping.modal", "0.0")];
+    let study = study(&edited(&edits));
+    let (machine, model) = (study.machine(), study.model());
+    let quick = Report::quick(machine).unwrap();
+    let review = Review::new(vec![quick]).unwrap();
+    let json = value(&review);
+    for (j, (load, id)) in machine
+        .loads
+        .iter()
+        .zip(["compliance_frame", "compliance_twist"])
+        .enumerate()
+    {
+        let push = if load.moment {
+            // The rotation about z of the frame, the first body, and a couple of size 1 on it.
+            let mut couple = nalgebra::DVector::zeros(model.stiffness.nrows());
+            couple[5] = 1.0;
+            couple
+        } else {
+            model.direction(machine, &load.at).0
+        };
+        let at = |hz: f64| {
+            let omega = std::f64::consts::TAU * hz;
+            let dynamic = &model.stiffness - &model.mass * (omega * omega);
+            push.dot(&dynamic.lu().solve(&push).unwrap())
+        };
+        let still = at(0.0);
+        let outputs = json["machines"][0]["compliance"]["loads"][j]["outputs"]
+            .as_array()
+            .unwrap();
+        let own = outputs
+            .iter()
+            .find(|output| output["name"] == format!("at {}", load.at.name))
+            .unwrap();
+        let fixed = own["fixed"].as_f64().unwrap();
+        assert!((fixed / still - 1.0).abs() < 1e-9, "{fixed:e} {still:e}");
+        assert!(own["closed_highest"].is_null());
+
+        let chart = chart(&review, id);
+        let named = |name: &str| chart.series.iter().find(|s| s.name == name);
+        let curve = named(&format!("at {}, open", load.at.name)).unwrap();
+        let mut checked = 0;
+        for (hz, y) in curve.x.iter().zip(&curve.y).step_by(20) {
+            let expected = at(*hz);
+            // Six digits of the frequency are few near a resonance without damping.
+            if y / still < 5.0 && y / still > 0.2 {
+                assert!((y / expected.abs() - 1.0).abs() < 1e-3, "{y:e} at {hz} Hz");
+                checked += 1;
+            }
+        }
+        assert!(checked > 10, "{checked}");
+        // The frame turns about its axis without the first deformation of the lens.
+        let stretched = named("block15.e1, open").is_some();
+        assert_eq!(stretched, !load.moment);
+    }
+    // Without loads nothing is said of them.
+    let none = Report::quick(&parse(&edited(&[("loads", "{}")])).unwrap()).unwrap();
+    let none = Review::new(vec![none]).unwrap();
+    assert!(value(&none)["machines"][0]["compliance"].is_null());
+    let drawn = none.pictures().into_iter();
+    assert!(
+        drawn
+            .map(|(name, _)| name)
+            .all(|name| !name.starts_with("compliance"))
+    );
+}
+
+/// Compared, loads of one name are in one chart and one row; without loads there are none.
+#[test]
+fn compliance_of_machines_side_by_side() {
+    let machine = |edits: &[(&str, &str)]| Report::quick(&parse(&edited(edits)).unwrap()).unwrap();
+    let loaded = Review::new(vec![
+        machine(&[]),
+        machine(&[("bodies.frame.mass", "800.0")]),
+    ])
+    .unwrap();
+    let compared = chart(&loaded, "compared-compliance_frame");
+    assert_eq!(compared.series.len(), 2);
+    let json = value(&loaded);
+    let columns = json["side_by_side"]["compared"]["machines"]
+        .as_array()
+        .unwrap();
+    let own = |i: usize, key: &str| columns[i]["compliance"][0][key].clone();
+    // Its mass does not change what holds it.
+    let [one, other] = [0, 1].map(|i| own(i, "at_rest").as_f64().unwrap());
+    assert!((one / other - 1.0).abs() < 1e-9, "{one:e} {other:e}");
+    let [one, other] = [0, 1].map(|i| own(i, "open_highest")["hz"].as_f64().unwrap());
+    assert!(other < 0.99 * one, "{one} {other}");
+    assert_eq!(own(0, "unit"), "m/N");
 }

@@ -38,7 +38,10 @@ impl Display for ComplianceAnalysis {
                     let mut row = cells([name, output.unit, side]);
                     row.push(short(output.fixed));
                     row.push(short(highest.magnitude));
-                    row.push(format!("{:.2}", highest.hz));
+                    row.push(match highest.magnitude {
+                        0.0 => String::new(),
+                        _ => format!("{:.2}", highest.hz),
+                    });
                     row.extend(AT.map(|hz| {
                         let at = grid.partition_point(|own| *own < hz);
                         values.get(at).map_or("-".to_owned(), |x| short(*x))

@@ -164,7 +164,7 @@ function draw(place, c) {
     width: place.clientWidth, height: height + legend,
     margin: { l: narrow ? 44 : 70, r: narrow ? 8 : 20, t: ABOVE, b: BELOW + legend }, paper_bgcolor: "#fff", plot_bgcolor: "rgba(0,0,0,0)",
     font: { family: "inherit", size: narrow ? 12 : 13, color: "#1f2a33" },
-    legend: { orientation: "h", x: 0, xanchor: "left", yref: "container", y: 0, yanchor: "bottom", bgcolor: "rgba(0,0,0,0)" },
+    legend: { orientation: "h", x: 0, xanchor: "left", yref: "container", y: 0, yanchor: "bottom", maxheight: 4 * height, bgcolor: "rgba(0,0,0,0)" },
     modebar: { bgcolor: "rgba(0,0,0,0)" },
     annotations: [...limits(c), ...marks(c), ...(named ? rows(c) : [])],
     shapes: c.marks.map(([at]) => ({ type: "line", x0: at, x1: at, y0: 0, y1: 1, yref: "paper", line: { color: "#9aa5ad", width: 1 } })),
@@ -173,7 +173,8 @@ function draw(place, c) {
   // Paper cannot be clicked: there, what is hidden is not listed.
   const hidden = (i) => on_paper() && place._fullData?.[i].visible === "legendonly";
   const traces = c.series.map((s, i) => ({ ...trace(s, c), ...(hidden(i) ? { showlegend: false } : {}) }));
-  Plotly.react(place, traces, layout(0), config);
+  // First with room for a long legend, whose height is not known before it is drawn.
+  Plotly.react(place, traces, layout(2 * height), config);
   const legend = place.querySelector(".legend .bg");
   if (legend) {
     const more = Math.ceil(legend.getBoundingClientRect().height);
@@ -205,8 +206,15 @@ function warned(warnings) {
 
 function glance(m) {
   const suspension = of_kind(m, "suspension"), internal = of_kind(m, "internal");
-  const cards = [[from_to(suspension), "suspension modes without control"]];
+  const cards = [];
+  if (suspension.length) cards.push([from_to(suspension), has_control(m) ? "suspension modes without control" : "suspension modes"]);
   if (internal.length) cards.push([from_to(internal), "internal modes"]);
+  const card = ([value, text]) => `<div class="card"><b>${value}</b><span>${text}</span></div>`;
+  if (!has_control(m)) {
+    const mass = [...m.scene.bodies, ...m.scene.point_masses].reduce((sum, part) => sum + part.mass, 0);
+    cards.push([`${short(mass)} kg`, "rigid bodies and point masses"]);
+    return `<p>The file says nothing of control: this page shows its parts and its modes.</p><div class="cards">${cards.map(card).join("")}</div>`;
+  }
   let words = `This machine stands on six stiff legs. Without control it follows the floor and resonates at its suspension modes, ${from_to(suspension)}.`;
   if (m.closed) {
     const s = m.closed.design.shaped;
@@ -221,7 +229,6 @@ function glance(m) {
     cards.push([escape(f.floor), "floor for these two: its vibration is at the limit of this criterion"]);
     words += ` With ${m.feedback} feedback, sampled at ${short(m.sample_rate / 1000)} kHz with ${fixed(1e6 * m.closed.design.delay.whole, 0)} µs of delay, it moves as if it hung on soft springs and isolates from ${fixed(s.isolation_from_hz, 2)} Hz.`;
   }
-  const card = ([value, text]) => `<div class="card"><b>${value}</b><span>${text}</span></div>`;
   const warnings = [...m.warnings];
   if (m.closed && !m.closed.design.shaped.soft_start) warnings.push("the loop is not stable at every gain of the soft start");
   if (m.closed) warnings.push(...m.closed.floor.warnings.map((w) => `on the floor ${m.closed.floor.floor}, ${w}`));
@@ -231,25 +238,33 @@ function glance(m) {
   return `<p>${words}</p>${waiting(m)}<div class="cards">${cards.map(card).join("")}</div>${said}${charts_of(m, "session")}`;
 }
 
+/// Whether the file of the machine says anything of control.
+const has_control = (m) => m.feedback !== undefined;
+
 function machine(m) {
   const part_of = (rgb, text) => swatch(`#${rgb.toString(16).padStart(6, "0")}`, text);
+  const legs = m.scene.beams.filter((beam) => beam.channel !== null);
   const part = (mode) => {
-    const legs = mode.strain.filter(({ name }) => (m.scene.beams.find((b) => b.name === name)?.channel ?? null) !== null);
-    return legs.reduce((sum, { share }) => sum + share, 0);
+    const own = mode.strain.filter(({ name }) => legs.some((leg) => leg.name === name));
+    return `${fixed(100 * own.reduce((sum, { share }) => sum + share, 0))} %`;
   };
-  const rows = m.modes.modes.map((mode, i) => [i + 1, fixed(mode.hz, 3), mode.kind, fixed(mode.modal_mass, 1), `${fixed(100 * part(mode))} %`,
+  const rows = m.modes.modes.map((mode, i) => [i + 1, fixed(mode.hz, 3), mode.kind, short(mode.modal_mass), ...(legs.length ? [part(mode)] : []),
     ...mode.kinetic.map((k) => `${fixed(100 * k.share)} %`)]);
-  const head = ["#", "Hz", "kind", "modal mass, kg", "strain energy in legs", ...m.modes.modes[0].kinetic.map((k) => `kinetic, ${escape(k.name)}`)];
+  const head = ["#", "Hz", "kind", "modal mass, kg", ...(legs.length ? ["strain energy in legs"] : []), ...m.modes.modes[0].kinetic.map((k) => `kinetic, ${escape(k.name)}`)];
   const loads = m.modes.leg_loads.map((l) => [escape(l.beam), fixed(l.axial_force), l.buckling_load === null ? "–" : fixed(l.buckling_load)]);
+  const scene = m.scene;
+  const parts = [[legs, LEG, "leg"], [legs, PIEZO, "actuator"], [scene.force_sensors, FORCE, "force sensor"], [scene.accelerometers, ACCELERATION, "accelerometer"],
+    [scene.beams.filter((beam) => beam.channel === null), BEAM, has_control(m) ? "other beam" : "beam"], [scene.nodes.filter((node) => node.body === null && !node.free), FLOOR, has_control(m) ? "floor input, foot" : "foot"],
+    [scene.springs, SPRING, "spring, joint"], [scene.point_masses, MASS, "point mass"]];
   return `<p class="controls">Drag to rotate, scroll to zoom, point at a part to see its data.</p>
     <div class="view"><div class="stage" id="scene"></div><div id="energies"></div></div>
     <div class="controls"><button id="play" aria-pressed="true">moving</button><button id="rest">at rest</button>
       <label>amplitude <input id="amplitude" type="range" min="0.01" max="0.2" step="0.005" value="0.08"></label>
       <label><input id="names" type="checkbox" checked> names</label></div>
-    <div class="legend">${part_of(LEG, "leg")}${part_of(PIEZO, "actuator")}${part_of(FORCE, "force sensor")}${part_of(ACCELERATION, "accelerometer")}${part_of(BEAM, "other beam")}${part_of(FLOOR, "floor input, foot")}${m.scene.springs.length ? part_of(SPRING, "spring, joint") : ""}${m.scene.point_masses.length ? part_of(MASS, "point mass") : ""}</div>
-    <h3>Modes</h3><p class="note">Shown in slow motion and strongly magnified. A suspension mode has its strain energy in the legs, an internal mode between the bodies.</p>
+    <div class="legend">${parts.filter(([list]) => list.length).map(([, rgb, text]) => part_of(rgb, text)).join("")}</div>
+    <h3>Modes</h3><p class="note">Shown in slow motion and strongly magnified. A suspension mode has its strain energy in ${has_control(m) ? "the legs" : "what stands on the base"}, an internal mode between the bodies.</p>
     <div class="gallery" id="gallery"></div>${table(head, rows)}
-    <p class="note">Modes of the design model (${m.modes.reduction}); the gains are designed for these: ${m.modes.rigid_modes_hz.map((hz) => fixed(hz, 2)).join(", ")} Hz.</p>
+    ${has_control(m) ? `<p class="note">Modes of the design model (${m.modes.reduction}); the gains are designed for these: ${m.modes.rigid_modes_hz.map((hz) => fixed(hz, 2)).join(", ")} Hz.</p>` : ""}
     ${loads.length ? `<h3>Under gravity</h3>${table(["beam", "axial force, N", "buckling load, N"], loads)}` : ""}`;
 }
 
@@ -271,16 +286,12 @@ function response(m) {
 
 function compliance(m) {
   if (!m.compliance) return "";
-  const tables = m.compliance.loads.map((load) => {
-    const rows = load.outputs.map((o) => {
-      const side = (highest) => (highest ? [short(highest.magnitude, 3), short(highest.hz, 3)] : ["–", "–"]);
-      return [escape(o.name), o.unit, short(Math.abs(o.fixed), 3), ...side(o.open_highest), ...side(o.closed_highest)];
-    });
-    return `<div><h3>Per ${load.unit} of ${escape(load.name)}</h3>${table(["", "unit", "at rest", "highest, open", "at Hz", "highest, closed", "at Hz"], rows, 2)}</div>`;
-  });
+  const side = (highest) => (highest ? [short(highest.magnitude, 3), highest.magnitude ? short(highest.hz, 3) : "–"] : ["–", "–"]);
+  const rows = m.compliance.loads.flatMap((load) => load.outputs.map((o, i) =>
+    [i ? "" : `${load.unit} of ${escape(load.name)}`, escape(o.name), o.unit, short(Math.abs(o.fixed), 3), ...side(o.open_highest), ...side(o.closed_highest)]));
   const charts = m.charts.filter((c) => c.id.startsWith("compliance_"));
   return `<p>How far forces and moments on the machine displace it. At rest, control changes nothing, since it does not act on constant accelerations.</p>
-    ${charts_of(m, ...charts.map((c) => c.id))}<div class="columns">${tables.join("")}</div>`;
+    ${charts_of(m, ...charts.map((c) => c.id))}${table(["per", "", "unit", "at rest", "highest, open", "at Hz", "highest, closed", "at Hz"], rows, 3)}`;
 }
 
 function zeros(m) {
@@ -379,7 +390,7 @@ function assumptions(m) {
 
 function file(m) {
   return m.files.map((f) => `<details><summary>${escape(f.path)}</summary><pre>${escape(f.text)}</pre></details>`).join("") +
-    table(["", ""], [["model, SHA-256", `<code>${m.model_sha256}</code>`], ...(m.closed ? [["checksum of the table", `<code>${m.closed.table_checksum.toString(16).padStart(8, "0")}</code>, format ${m.closed.table_format}`]] : []),
+    table(["", ""], [...(has_control(m) ? [["model, SHA-256", `<code>${m.model_sha256}</code>`]] : []), ...(m.closed ? [["checksum of the table", `<code>${m.closed.table_checksum.toString(16).padStart(8, "0")}</code>, format ${m.closed.table_format}`]] : []),
       ["host-gen", review.version], ["charts, 3D", `plotly.js ${Plotly.version}, three.js ${THREE.REVISION}`]], 2);
 }
 
@@ -388,6 +399,9 @@ const SECTIONS = [
   ["loop", "The loop", loop], ["budgets", "Budgets", budgets], ["vibration", "Vibration", vibration], ["time", "In time", time],
   ["gains", "Gains", gains], ["assumptions", "Assumptions", assumptions], ["file", "File and versions", file],
 ];
+
+/// The sections of a machine whose file says nothing of control.
+const PASSIVE = ["glance", "machine", "file"];
 
 // ---- machines side by side
 
@@ -439,7 +453,7 @@ function three_d(m) {
     chosen.mode = index ?? chosen.mode;
     for (const button of gallery.children) button.setAttribute("aria-pressed", Number(button.dataset.mode) === index);
     const mode = m.modes.modes[index];
-    energies.innerHTML = index === null ? "" : `<b>Mode ${index + 1}: ${fixed(mode.hz, 3)} Hz</b><br>${mode.kind}, modal mass ${fixed(mode.modal_mass, 1)} kg${bars("Strain energy", mode.strain)}${bars("Kinetic energy", mode.kinetic)}`;
+    energies.innerHTML = index === null ? "" : `<b>Mode ${index + 1}: ${fixed(mode.hz, 3)} Hz</b><br>${mode.kind}, modal mass ${short(mode.modal_mass)} kg${bars("Strain energy", mode.strain)}${bars("Kinetic energy", mode.kinetic)}`;
   };
   gallery.addEventListener("click", (event) => {
     const button = event.target.closest("button");
@@ -471,7 +485,8 @@ function show_machine(index) {
   const host = document.getElementById("sections");
   for (const place of host.querySelectorAll("[data-chart]")) Plotly.purge(place);
   // What the machine has nothing for is left out.
-  const sections = SECTIONS.map(([id, title, body]) => [id, title, body(m)]).filter(([, , text]) => text);
+  const known = SECTIONS.filter(([id]) => has_control(m) || PASSIVE.includes(id));
+  const sections = known.map(([id, title, body]) => [id, title, body(m)]).filter(([, , text]) => text);
   host.innerHTML = sections.map(([id, title, text]) => `<section id="${id}"><h2>${title}</h2>${text}</section>`).join("");
   const links = [...(review.side_by_side ? [["compared", "Side by side"]] : []), ...sections];
   document.getElementById("contents").innerHTML = links.map(([id, title]) => `<a href="#${id}">${title}</a>`).join("");
@@ -488,6 +503,7 @@ function start() {
   const [m] = review.machines;
   document.getElementById("subtitle").textContent = both
     ? `${names.length} machines on six hard mounts, side by side`
+    : !has_control(m) ? "A machine without control."
     : `A machine on six hard mounts, ${m.feedback} feedback for ${short(m.frequency_hz)} Hz. Model ${m.model_sha256.slice(0, 12)}.`;
   const tabs = both ? `<div class="tabs">${names.map((n, i) => `<button data-machine="${i}">${escape(n)}</button>`).join("")}</div>` : "";
   const main = document.getElementById("main");

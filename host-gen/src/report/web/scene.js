@@ -50,7 +50,8 @@ class Stage {
       const all = points.map((p) => p[i]);
       return (-largest(all.map((x) => -x)) + largest(all)) / 2;
     });
-    this.size = 2 * largest(points.map((p) => Math.hypot(...p.map((x, i) => x - middle[i]))));
+    // Of a machine whose nodes are all at one place, some size.
+    this.size = 2 * largest(points.map((p) => Math.hypot(...p.map((x, i) => x - middle[i])))) || 1;
     // What is behind it is the page's, dark or light.
     this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));

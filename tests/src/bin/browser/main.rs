@@ -17,7 +17,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use clap::Parser;
 use host_gen::design::{Cache, Search, Study};
 use host_gen::floor::{Criterion, Floor};
-use host_gen::machine::Machine;
+use host_gen::machine::{Machine, Structure};
 use host_gen::report::chart::Chart;
 use host_gen::report::page::page;
 use host_gen::report::{Report, Review};
@@ -54,8 +54,8 @@ const WINDOWS: [u32; 2] = [1400, 390];
 /// A4 in pixels between the margins of the page, 14 mm.
 const PAPER: [f64; 2] = [688.0, 1017.0];
 
-/// Most sheets of the page of one machine.
-const SHEETS: usize = 12;
+/// Most sheets of the page of one machine: one more than it takes, for letters of another width.
+const SHEETS: usize = 14;
 
 /// A search that takes a laptop half a minute ends by then anywhere.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -106,8 +106,42 @@ fn run(cli: &Cli) -> Result<()> {
     seen.done(&cli.pictures, "side-by-side")?;
     println!("two machines: side by side as they should be");
 
+    let machine = Structure::parse_passive(Path::new("row.toml"), PASSIVE)?;
+    let machine = machine.context("the file says something of control")?;
+    let review = Review::passive(&machine)?;
+    let seen = Seen::open(&browser, &write(folder.path(), "passive.html", &review)?)?;
+    seen.layout(&cli.pictures, "passive")?;
+    seen.printed(&cli.pictures, "passive")?;
+    seen.done(&cli.pictures, "passive")?;
+    println!("a machine without control: as it should be");
+
     watched(&browser, cli, folder.path())
 }
+
+/// Two masses in a row on springs from the base.
+const PASSIVE: &str = r#"
+format = 1
+name = "row"
+[nodes]
+wall = [0.0, 0.0, 0.0]
+near = [0.0, 0.0, 0.2]
+far = [0.0, 0.1, 0.5]
+[base]
+nodes = ["wall"]
+[free]
+nodes = ["near", "far"]
+[point_masses]
+first = { node = "near", mass = 2.0, inertia = [0.1, 0.1, 0.1] }
+second = { node = "far", mass = 3.0, inertia = [0.1, 0.1, 0.1] }
+[springs.foot]
+nodes = ["wall", "near"]
+stiffness = [4e5, 5e5, 6e5]
+rotational_stiffness = [1e4, 1e4, 1e4]
+[springs.between]
+nodes = ["near", "far"]
+stiffness = [1e5, 2e5, 3e5]
+rotational_stiffness = [1e4, 1e4, 1e4]
+"#;
 
 /// A machine under the direct law, whose search is short and whose page is the same.
 fn direct(folder: &Path, model: &str) -> Result<Machine> {

@@ -12,8 +12,9 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-/// The longest that a page may take to load, or the browser to answer.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// The longest that a page may take to load, or the browser to answer. Printing takes some seconds, and
+/// two minutes beside other work on all cores.
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// One window of a browser; both it and its driver end with this.
 pub struct Browser {
