@@ -176,11 +176,9 @@ function draw(place, c) {
   // First with room for a long legend, whose height is not known before it is drawn.
   Plotly.react(place, traces, layout(2 * height), config);
   const legend = place.querySelector(".legend .bg");
-  if (legend) {
-    const more = Math.ceil(legend.getBoundingClientRect().height);
-    place.style.height = `${height + more}px`;
-    Plotly.react(place, traces, layout(more), config);
-  }
+  const more = legend ? Math.ceil(legend.getBoundingClientRect().height) : 0;
+  place.style.height = `${height + more}px`;
+  Plotly.react(place, traces, layout(more), config);
 }
 
 /// Draws the charts that `host` has places for.
