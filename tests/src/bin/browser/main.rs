@@ -347,7 +347,8 @@ impl<'a> Seen<'a> {
         let ground = self.ask("getComputedStyle(document.body).backgroundColor")?;
         ensure!(ground == "rgb(255, 255, 255)", "paper is {ground}");
         self.ask("window.dispatchEvent(new Event('afterprint'))")?;
-        self.browser.look(WINDOWS[0], "screen", false)
+        // What is printed must not be taken for a screen.
+        self.browser.look(WINDOWS[0], "", false)
     }
 
     fn texts(&self, on: &str) -> Result<()> {

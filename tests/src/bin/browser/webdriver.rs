@@ -119,8 +119,9 @@ impl Browser {
             .map(drop)
     }
 
-    /// From now on the window is `width` pixels wide, and the page as for `media`, "screen" or
-    /// "print", of a reader who prefers dark colours if `dark`.
+    /// From now on the window is `width` pixels wide, and the page as for `media`, "screen",
+    /// "print" or, where it is empty, what it is really for, of a reader who prefers dark colours if
+    /// `dark`.
     pub fn look(&self, width: u32, media: &str, dark: bool) -> Result<()> {
         let size =
             json!({ "width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": false });
