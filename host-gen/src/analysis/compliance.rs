@@ -146,7 +146,12 @@ impl Compliance {
                 OutputCompliance {
                     name: name.clone(),
                     unit,
-                    fixed: if fixed.abs() < rounding { 0.0 } else { fixed },
+                    // Peaks without damping are no measure of what is at rest.
+                    fixed: if fixed.abs() < ROUNDING * at_rest.column(j).amax() {
+                        0.0
+                    } else {
+                        fixed
+                    },
                     open_highest: Highest::new(&hz, &open),
                     closed_highest: closed.as_ref().map(|closed| Highest::new(&hz, closed)),
                     open,
