@@ -135,7 +135,8 @@ enum Command {
     /// Example: host-gen generate models/metrology-frame.toml
     Generate(GenerateArguments),
     /// Write a page for a design review: the machine and its modes in 3D, charts,
-    /// budgets, gains, assumptions. With several machines, also a comparison.
+    /// budgets, gains, assumptions. With several machines, also a comparison. A file that says
+    /// nothing of control gets a page of its parts and modes.
     ///
     /// Example: host-gen report models/metrology-frame.toml
     Report(ReportArguments),

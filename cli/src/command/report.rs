@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use host_gen::machine::Machine;
+use host_gen::machine::{Machine, Structure};
 use host_gen::report::page::page;
 use host_gen::report::plots::{csv, png, svg};
 use host_gen::report::{Report, Review};
@@ -35,6 +35,35 @@ pub struct ReportArguments {
 }
 
 pub fn report(arguments: &ReportArguments, searcher: &Searcher) -> Result<(), Failure> {
+    let several = &arguments.several;
+    let passive = match &several.models[..] {
+        [model] if !several.by_feedback => Structure::load_passive(model)?,
+        _ => None,
+    };
+    let (review, names) = match passive {
+        Some(passive) => (Review::passive(&passive)?, passive.name),
+        None => controlled(arguments, searcher)?,
+    };
+    let path = match &arguments.output {
+        Some(path) => path.clone(),
+        None => PathBuf::from(format!("{names}-report.html")),
+    };
+    if let Some(folder) = &arguments.plots {
+        plots(&review, folder)?;
+    }
+    if arguments.format == Format::Json {
+        return print::text(&(review.json() + "\n"));
+    }
+    write_whole(&path, page(&review).as_bytes())?;
+    println!("{}: open it in a browser", path.display());
+    Ok(())
+}
+
+/// The review of machines with control, and their names.
+fn controlled(
+    arguments: &ReportArguments,
+    searcher: &Searcher,
+) -> Result<(Review, String), Failure> {
     let machines = arguments.several.load()?;
     let bar = Bar::search();
     let floor = arguments.floor.floor()?;
@@ -49,20 +78,7 @@ pub fn report(arguments: &ReportArguments, searcher: &Searcher) -> Result<(), Fa
         }
     }
     drop(bar);
-    let review = Review::new(reports).map_err(of)?;
-    let path = match &arguments.output {
-        Some(path) => path.clone(),
-        None => PathBuf::from(format!("{}-report.html", names(&machines))),
-    };
-    if let Some(folder) = &arguments.plots {
-        plots(&review, folder)?;
-    }
-    if arguments.format == Format::Json {
-        return print::text(&(review.json() + "\n"));
-    }
-    write_whole(&path, page(&review).as_bytes())?;
-    println!("{}: open it in a browser", path.display());
-    Ok(())
+    Ok((Review::new(reports).map_err(of)?, names(&machines)))
 }
 
 /// The names of the machines, repeated names once, joined by hyphens.

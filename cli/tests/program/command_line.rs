@@ -807,7 +807,7 @@ fn report_writes_page_and_pictures() {
     let count = fs::read_dir(folder.path().join("pictures"))
         .unwrap()
         .count();
-    assert_eq!(count, 3 * 24);
+    assert_eq!(count, 3 * 26);
     let json = json(&report(&[&model, "--format", "json"]));
     assert_eq!(json["machines"][0]["machine"], "metrology-frame");
     let each = report(&[&model, "--by-feedback", "--format", "json"]);
@@ -915,9 +915,9 @@ fn help_and_completions_know_every_command() {
     }
 }
 
-/// A mass on springs, 100 Hz along x; for a report, control is missing.
+/// A mass on springs, 100 Hz along x, and its page; for a design, control is missing.
 #[test]
-fn modes_need_no_control() {
+fn modes_and_report_need_no_control() {
     let folder = tempfile::tempdir().unwrap();
     let stiffness = 2.0 * (core::f64::consts::TAU * 100.0).powi(2);
     let file = format!(
@@ -933,6 +933,10 @@ fn modes_need_no_control() {
         "{shown}"
     );
     let output = host_gen(&["report", "mass.toml"], folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let page = fs::read_to_string(folder.path().join("mass-report.html")).unwrap();
+    assert!(page.contains("\"machine\":\"mass\""));
+    let output = host_gen(&["design", "mass.toml"], folder.path());
     assert_eq!(output.status.code(), Some(1));
     let error = text(&output.stderr);
     assert!(error.contains("missing keys `coordinates`"), "{error}");

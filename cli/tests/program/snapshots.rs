@@ -55,7 +55,7 @@ fn folder() -> tempfile::TempDir {
 fn results_as_text() {
     let folder = folder();
     let table = ["--table", "table.rs"];
-    let commands: [(&str, &[&str]); 15] = [
+    let commands: [(&str, &[&str]); 16] = [
         ("modes", &[]),
         ("gains", &[]),
         ("zeros", &[]),
@@ -66,6 +66,7 @@ fn results_as_text() {
         ("robust", &["--samples", "5"]),
         ("design", &[]),
         ("bound", &[]),
+        ("compliance", &[]),
         ("compare", &["--by-feedback"]),
         ("simulate", &[]),
         ("generate", &table),

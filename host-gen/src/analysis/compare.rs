@@ -3,6 +3,7 @@
 use serde::{Serialize, Serializer};
 use shared::LEGS;
 
+use super::compliance::{Compliance, Highest, LoadCompliance};
 use crate::closed_loop::Pole;
 use crate::design::{Design, DesignedStudy, NoDesign, Study, StudyError};
 use crate::machine::FeedbackKind;
@@ -27,9 +28,40 @@ pub(crate) struct MachineColumn {
     /// Largest magnitude in the proportional gains: N/(m/s²), or without unit for force
     /// feedback.
     pub(crate) largest_gain: f64,
+    /// Of the node of each load along or about it.
+    pub(crate) compliance: Vec<OwnCompliance>,
     /// The design; `null` in JSON if there is none.
     #[serde(serialize_with = "design_or_null")]
     pub(crate) shaped: Result<Design, NoDesign>,
+}
+
+/// How far a load displaces its own node.
+#[derive(Debug, Serialize)]
+pub(crate) struct OwnCompliance {
+    pub(crate) load: String,
+    /// `"m/N"` or `"rad/(N m)"`.
+    pub(crate) unit: &'static str,
+    /// Magnitude at rest, without and with control.
+    pub(crate) at_rest: f64,
+    pub(crate) open_highest: Highest,
+    /// None without a design.
+    pub(crate) closed_highest: Option<Highest>,
+}
+
+impl OwnCompliance {
+    fn new(load: &LoadCompliance) -> Self {
+        let own = load.own();
+        Self {
+            load: load.name.clone(),
+            unit: match own.unit {
+                "rad" => "rad/(N m)",
+                _ => "m/N",
+            },
+            at_rest: own.fixed.abs(),
+            open_highest: own.open_highest,
+            closed_highest: own.closed_highest,
+        }
+    }
 }
 
 fn design_or_null<S: Serializer>(
@@ -76,6 +108,8 @@ impl MachineColumn {
             let those = pairs.filter(|(_, energies)| energies.kind == kind);
             those.map(|(hz, _)| hz).collect()
         };
+        let compliance = Compliance::of(study, design.as_ref().ok())?;
+        let loads = compliance.iter().flat_map(|found| &found.loads);
         Ok(Self {
             machine: study.machine().name.clone(),
             model_sha256: study.machine().digest.to_string(),
@@ -86,6 +120,7 @@ impl MachineColumn {
             acceleration_zeros_hz: zeros(FeedbackKind::Acceleration)?,
             force_zeros_hz: zeros(FeedbackKind::Force)?,
             largest_gain: study.gains().proportional.amax(),
+            compliance: loads.map(OwnCompliance::new).collect(),
             shaped: design.clone(),
         })
     }

@@ -1,11 +1,12 @@
 //! What a machine and its controller do: modes, gains, zeros, poles, singular
-//! values, motion on floors, robustness, rounding, machines side by side.
+//! values, motion on floors and under loads, robustness, rounding, machines side by side.
 
 use nalgebra::{Dim, Matrix, RawStorage};
 
 pub(crate) mod actuators;
 pub mod bound;
 pub mod compare;
+pub mod compliance;
 pub mod controller;
 pub mod delay;
 pub mod floors;

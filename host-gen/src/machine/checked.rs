@@ -695,6 +695,12 @@ pub(super) fn has_damped_parts(
 }
 
 impl Structure {
+    /// The files that the machine was read from, with their texts: the one asked for, then
+    /// those it is based on. None for a machine that was built in code.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
+        self.source.files()
+    }
+
     /// Whether anything damps but modal damping.
     pub(crate) fn has_other_damping(&self) -> bool {
         self.damping.rayleigh != [0.0; 2]
@@ -898,12 +904,6 @@ impl Machine {
     /// [`build`](Self::build) it to get a variant of the machine.
     pub fn description(&self) -> &MachineFile {
         &self.description
-    }
-
-    /// The files that the machine was read from, with their texts: the one asked for, then
-    /// those it is based on. None for a machine that was built in code.
-    pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
-        self.source.files()
     }
 
     /// Names of the sensors that `feedback` uses, in channel order; a force sensor has the

@@ -192,7 +192,7 @@ fn all_missing(table: &toml::Table) -> Option<EntryError> {
     });
     let fixes = fixes.collect::<Vec<_>>().join("; ");
     let alone = match has_no_control(table) {
-        true => "host-gen modes works without control; for all else ",
+        true => "host-gen modes and report work without control; for all else ",
         false => "",
     };
     let error = EntryError::new(entry, format!("missing keys {keys}"));

@@ -5,12 +5,14 @@ use serde::Serialize;
 /// A chart: axes, series and marks.
 #[derive(Clone, Debug, Serialize)]
 pub struct Chart {
-    /// Identifier in file names and on the page: lower-case letters and hyphens.
-    pub id: &'static str,
+    /// Identifier in file names and on the page: ASCII letters, digits, hyphens and underscores.
+    pub id: String,
     /// Title above the chart.
     pub title: String,
     /// What it shows and how to read it.
     pub note: String,
+    /// What the styles of its lines mean; empty if the names of the series say it.
+    pub styles: String,
     /// Horizontal axis.
     pub x: Axis,
     /// Vertical axis.
@@ -24,16 +26,17 @@ pub struct Chart {
 impl Chart {
     /// A chart without marks; `x` and `y` are its axes.
     pub fn new(
-        id: &'static str,
+        id: impl Into<String>,
         title: impl Into<String>,
         note: impl Into<String>,
         [x, y]: [Axis; 2],
         series: Vec<Series>,
     ) -> Self {
         Self {
-            id,
+            id: id.into(),
             title: title.into(),
             note: note.into(),
+            styles: String::new(),
             x,
             y,
             series,
@@ -41,6 +44,9 @@ impl Chart {
         }
     }
 }
+
+/// What the lines of charts that compare machines mean.
+const COMPARED: &str = "Each machine has its colour. Dashed: without control. Solid: with control.";
 
 /// An axis of a chart.
 #[derive(Clone, Debug, Serialize)]
@@ -232,8 +238,85 @@ fn six_digits(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
 }
 
+/// Groups of series, by index, that one could not tell apart in a chart with axes `x` and `y`: each
+/// point of one lies on the line of the other. Series are in the order of the first of each group.
+pub fn coinciding(series: &[Series], [x, y]: [&Axis; 2]) -> Vec<Vec<usize>> {
+    let [xs, ys] = [
+        unit_places(x, series.iter().map(|s| &s.x[..])),
+        unit_places(y, series.iter().map(|s| &s.y[..])),
+    ];
+    let lines: Vec<Vec<[f64; 2]>> = xs
+        .into_iter()
+        .zip(ys)
+        .map(|(xs, ys)| xs.into_iter().zip(ys).map(|(x, y)| [x, y]).collect())
+        .collect();
+    let same = |a: usize, b: usize| lies_on(&lines[a], &lines[b]) && lies_on(&lines[b], &lines[a]);
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for i in 0..series.len() {
+        match groups.iter_mut().find(|group| same(group[0], i)) {
+            Some(group) => group.push(i),
+            None => groups.push(vec![i]),
+        }
+    }
+    groups
+}
+
+/// Where values are on an axis, 0 at its lower end and 1 at its upper one; what is outside is not a
+/// number.
+fn unit_places<'a>(axis: &Axis, values: impl Iterator<Item = &'a [f64]>) -> Vec<Vec<f64>> {
+    let place = |x: &f64| match axis.scale {
+        Scale::Log => x.log10(),
+        Scale::Linear | Scale::Equal => *x,
+    };
+    let mut lists: Vec<Vec<f64>> = values
+        .map(|list| list.iter().map(place).collect())
+        .collect();
+    let [low, high] = axis.range.map_or_else(
+        || {
+            let all = lists.iter().flatten().filter(|x| x.is_finite());
+            all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+                [low.min(*x), high.max(*x)]
+            })
+        },
+        |range| range.map(|x| place(&x)),
+    );
+    for x in lists.iter_mut().flatten() {
+        let part = (*x - low) / (high - low);
+        *x = if (0.0..=1.0).contains(&part) {
+            part
+        } else {
+            f64::NAN
+        };
+    }
+    lists
+}
+
+/// Distance of two lines that are one on a screen, in parts of an axis: a line is two pixels wide,
+/// a plot some hundred.
+const ONE_LINE: f64 = 0.003;
+
+/// Whether each point of `one` that is within the axes lies on the line through `other`.
+fn lies_on(one: &[[f64; 2]], other: &[[f64; 2]]) -> bool {
+    let near = |[x, y]: [f64; 2]| {
+        other.windows(2).any(|ends| {
+            let [[ax, ay], [bx, by]] = [ends[0], ends[1]];
+            let (along_x, along_y) = (bx - ax, by - ay);
+            let length = along_x * along_x + along_y * along_y;
+            let part = if length > 0.0 {
+                (((x - ax) * along_x + (y - ay) * along_y) / length).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            (ax + part * along_x - x).hypot(ay + part * along_y - y) < ONE_LINE
+        })
+    };
+    let seen = one.iter().filter(|[x, y]| x.is_finite() && y.is_finite());
+    seen.copied().all(near)
+}
+
 /// Charts that compare machines, each given with its name: for every chart that all
-/// machines have, one chart with the main series of all.
+/// machines have, one chart with the main series of all. Each machine has its colour; lines without
+/// control are dashed. Where rows have names, each machine has the rows that its main series are in.
 pub fn laid_over(machines: &[(String, &[Chart])]) -> Vec<Chart> {
     let Some(((_, first), others)) = machines.split_first() else {
         return Vec::new();
@@ -244,17 +327,41 @@ pub fn laid_over(machines: &[(String, &[Chart])]) -> Vec<Chart> {
             return None;
         }
         let mut series = Vec::new();
+        let mut rows: Vec<String> = Vec::new();
         for (n, (machine, charts)) in machines.iter().enumerate() {
-            let own = charts.iter().filter(|other| other.id == chart.id);
-            for main in own.flat_map(|own| own.series.iter().filter(|s| s.main)) {
-                let mut main = main.clone();
-                main.name = format!("{machine}: {}", main.name);
-                main.colour = Colour::Nth(n);
-                series.push(main);
+            for own in charts.iter().filter(|other| other.id == chart.id) {
+                for main in own.series.iter().filter(|s| s.main) {
+                    let mut main = main.clone();
+                    main.name = format!("{machine}: {}", main.name);
+                    // The colour tells the machine, so the line tells what is without control.
+                    if main.colour == Colour::Open && main.style == Style::Line {
+                        main.style = Style::Dashed;
+                    }
+                    main.colour = Colour::Nth(n);
+                    for y in &mut main.y {
+                        if let Some(name) = own.y.names.get(*y as usize) {
+                            let name = format!("{machine}: {name}");
+                            let row = rows.iter().position(|row| *row == name);
+                            *y = row.unwrap_or(rows.len()) as f64;
+                            if row.is_none() {
+                                rows.push(name);
+                            }
+                        }
+                    }
+                    series.push(main);
+                }
             }
         }
+        let mut y = chart.y.clone();
+        if !rows.is_empty() {
+            y = y.from_to(-0.5, rows.len() as f64 - 0.5);
+        }
+        let lines = series.iter().any(|s| s.style == Style::Dashed);
+        let styles = if lines { COMPARED } else { "" };
         (!series.is_empty()).then(|| Chart {
             series,
+            styles: styles.to_owned(),
+            y: Axis { names: rows, ..y },
             ..chart.clone()
         })
     });

@@ -4,16 +4,20 @@ use nalgebra::{Complex, DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 use shared::LEGS;
 
-use super::chart::{Axis, Chart, Colour, Scale, Series, Style};
+use super::SIGMA;
+use super::chart::{Axis, Chart, Colour, Scale, Series, Style, coinciding};
+use crate::analysis::compliance::{Compliance, LoadCompliance, OutputCompliance};
 use crate::analysis::sigma::{LawKind, SigmaAnalysis};
 use crate::closed_loop::budget::{NoiseBudget, SOURCES, Spectra};
 use crate::closed_loop::isolation::isolation_band;
 use crate::closed_loop::{SampledLoop, close_ideal, ideal_poles, stable};
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, Study};
+use crate::files::identifier::identifiers;
 use crate::floor::criterion::{Criterion, third_centres};
-use crate::machine::{Carrier, FeedbackKind, Machine};
+use crate::machine::{Carrier, FeedbackKind, Machine, Structure};
 use crate::model::energy::{Kind, energies};
+use crate::model::structure::StructureModel;
 use crate::numeric::NumericError;
 use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::numeric::singular::largest_singular_value;
@@ -60,13 +64,17 @@ pub fn sigma(sigma: &SigmaAnalysis, own: FeedbackKind) -> Chart {
             }
         }
     });
-    Chart::new(
+    let chart = Chart::new(
         "sigma",
         "From the floor to the performance outputs: σ_max(G11)",
-        "The worst-case gain from the floor to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better. Dashed: the ideal law, without delay or sampling. Solid: the sampled, delayed law, as on the board.",
+        "The worst-case gain from the floor to the performance outputs at each frequency (Fig. 5 of the paper). Lower is better.",
         [hertz(), Axis::linear("σ_max(G11), dB")],
         series.collect(),
-    )
+    );
+    Chart {
+        styles: "Dashed: the ideal law, without delay or sampling. Solid: the sampled, delayed law, as on the board.".to_owned(),
+        ..chart
+    }
 }
 
 /// Transmissibility from the floor to the machine as a whole.
@@ -117,6 +125,59 @@ pub fn isolation(own: &DesignedStudy) -> Result<Chart, NumericError> {
     ))
 }
 
+/// How far each load displaces its own node and the performance outputs, one chart for each load.
+pub fn compliance(Compliance { hz, loads }: &Compliance) -> Vec<Chart> {
+    let ids = identifiers(loads.iter().map(|load| ("compliance", &load.name[..])));
+    let one = |(load, id): (&LoadCompliance, String)| {
+        let performance = &load.outputs[..load.outputs.len() - loads.len()];
+        let size = |output: &OutputCompliance| output.open_highest.magnitude;
+        let largest = (0..performance.len())
+            .max_by(|&a, &b| size(&performance[a]).total_cmp(&size(&performance[b])));
+        let outputs = [load.own()].into_iter().chain(performance);
+        let series = outputs.enumerate().flat_map(|(n, output)| {
+            let own = n == 0;
+            let shown = own || largest.is_some_and(|largest| n == largest + 1);
+            let line = |side: &str, magnitudes: &[f64]| {
+                let points = hz.iter().copied().zip(magnitudes.iter().copied());
+                // Below, it is as at rest.
+                let points = points.filter(|(hz, _)| *hz >= SIGMA.0);
+                let name = format!("{}, {side}", output.name);
+                let line = Series::line(name, Colour::Nth(n), points).shown(shown);
+                if own { line.main() } else { line }
+            };
+            let open = line("open", &output.open).styled(Style::Dashed);
+            let closed = output.closed.as_ref().map(|closed| line("closed", closed));
+            [Some(open), closed].into_iter().flatten()
+        });
+        // What is zero has no place on a logarithmic axis.
+        let series = series.filter(|line| line.y.iter().any(|y| *y > 0.0));
+        let (note, per) = match load.unit {
+            "N" => (
+                "How far a force along its direction moves its own node along it, and the performance outputs, per newton.",
+                "m per N",
+            ),
+            _ => (
+                "How far a moment about its axis turns its own node about it, rad, and moves the performance outputs, m, per newton metre.",
+                "m or rad per N m",
+            ),
+        };
+        let chart = Chart::new(
+            id,
+            format!("Compliance to {}", load.name),
+            format!(
+                "{note} Lower is stiffer. What symmetry makes zero is left out. Click in the legend to show other outputs."
+            ),
+            [hertz(), Axis::log(per)],
+            series.collect(),
+        );
+        Chart {
+            styles: "Dashed: without control. Solid: with control.".to_owned(),
+            ..chart
+        }
+    };
+    loads.iter().zip(ids).map(one).collect()
+}
+
 /// Loop gain by mode, sensitivity, and the Nyquist curves of the modes.
 ///
 /// # Errors
@@ -135,15 +196,22 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
     let values: Vec<(f64, ComplexMatrix6)> =
         points.iter().map(|&hz| (hz, modal_loop(hz))).collect();
     let hertz_of = study.design_model().hertz();
-    let name = |k: usize| format!("mode {}, {:.1} Hz", k + 1, hertz_of[k]);
-    let by_mode = |value: &dyn Fn(f64, Complex<f64>) -> (f64, f64)| {
+    // Modes in pairs, as symmetric machines have them, are one curve with one name.
+    let by_mode = |axes: &[Axis; 2], value: &dyn Fn(f64, Complex<f64>) -> (f64, f64)| {
         let one = |k: usize| {
             let points = values.iter().map(|(hz, l)| value(*hz, l[(k, k)]));
-            Series::line(name(k), Colour::Nth(k), points)
+            Series::line("", Colour::Nth(k), points)
         };
-        (0..LEGS).map(one).collect::<Vec<_>>()
+        let all: Vec<Series> = (0..LEGS).map(one).collect();
+        let groups = coinciding(&all, axes.each_ref());
+        let named = groups.into_iter().map(|modes| Series {
+            name: mode_names(&modes, &hertz_of),
+            ..all[modes[0]].clone()
+        });
+        named.collect::<Vec<_>>()
     };
-    let mut gains = by_mode(&|hz, l| (hz, db(l.norm())));
+    let gain_axes = [hertz(), Axis::linear("|L|, dB")];
+    let mut gains = by_mode(&gain_axes, &|hz, l| (hz, db(l.norm())));
     gains.push(limit("1", low, high, 0.0));
     let sensitivity = values.iter().map(|(hz, l)| {
         let smallest = (ComplexMatrix6::identity() + l).singular_values().min();
@@ -163,7 +231,15 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
             db(target.max_sensitivity),
         ),
     ];
-    let mut nyquist = by_mode(&|_, l| (l.re, l.im));
+    let equal = |label: &str| Axis {
+        scale: Scale::Equal,
+        ..Axis::linear(label)
+    };
+    let nyquist_axes = [
+        equal("Re L").from_to(-3.0, 2.0),
+        equal("Im L").from_to(-2.0, 2.0),
+    ];
+    let mut nyquist = by_mode(&nyquist_axes, &|_, l| (l.re, l.im));
     // Around −1: on this circle the sensitivity of one mode is at its bound.
     let radius = 1.0 / target.max_sensitivity;
     let circle = (0..=72).map(|i| {
@@ -171,16 +247,12 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
         (radius * cos - 1.0, radius * sin)
     });
     nyquist.push(Series::line("bound around −1", Colour::Limit, circle).styled(Style::Limit));
-    let equal = |label: &str| Axis {
-        scale: Scale::Equal,
-        ..Axis::linear(label)
-    };
     Ok([
         Chart::new(
             "loop-gain",
             "Loop gain by mode",
             "Opened at the force along each mode of the design model. Where the loop gain is large, the closed loop behaves as the target requires.",
-            [hertz(), Axis::linear("|L|, dB")],
+            gain_axes,
             gains,
         ),
         Chart::new(
@@ -194,13 +266,20 @@ pub fn loops(study: &Study, law: LinearLaw) -> Result<[Chart; 3], NumericError> 
             "nyquist",
             "Nyquist curves of the modes",
             "L of each mode in the complex plane, from low frequency to half the sample rate. Modes with little coupling stay outside the circle around −1.",
-            [
-                equal("Re L").from_to(-3.0, 2.0),
-                equal("Im L").from_to(-2.0, 2.0),
-            ],
+            nyquist_axes,
             nyquist,
         ),
     ])
+}
+
+/// The name of modes, by index, that are one curve: their numbers and frequencies.
+fn mode_names(modes: &[usize], hertz: &[f64; LEGS]) -> String {
+    let numbers: Vec<String> = modes.iter().map(|k| (k + 1).to_string()).collect();
+    let mut frequencies: Vec<String> = modes.iter().map(|k| format!("{:.1}", hertz[*k])).collect();
+    frequencies.dedup();
+    let s = if modes.len() > 1 { "s" } else { "" };
+    let [numbers, frequencies] = [numbers, frequencies].map(|words| words.join(" and "));
+    format!("mode{s} {numbers}, {frequencies} Hz")
 }
 
 /// Modes, zeros and poles on one frequency axis.
@@ -337,13 +416,16 @@ pub fn vibration(floor: &str, [open, closed]: &[NoiseBudget; 2]) -> [Chart; 2] {
             [hertz().from_to(0.9, 100.0), Axis::log("velocity, µm/s rms")],
             series,
         ),
-        Chart::new(
-            "spectrum",
-            "Spectrum of the performance, and its sources",
-            "Amplitude density of all performance outputs together. The dashed lines are the parts of floor, sensor noise and converters in the closed loop: the noise budget by frequency.",
-            [hertz(), Axis::log("m/s²/√Hz")],
-            spectrum,
-        ),
+        Chart {
+            styles: "The dashed lines are the parts of floor, sensor noise and converters in the closed loop: the noise budget by frequency.".to_owned(),
+            ..Chart::new(
+                "spectrum",
+                "Spectrum of the performance, and its sources",
+                "Amplitude density of all performance outputs together.",
+                [hertz(), Axis::log("m/s²/√Hz")],
+                spectrum,
+            )
+        },
     ]
 }
 
@@ -436,26 +518,30 @@ pub fn session(machine: &Machine, history: &History) -> [Chart; 3] {
     ]
 }
 
-/// The machine in an oblique view from above, m: at rest, then once for each mode. The
-/// numbers of points grow in proportion to the numbers of nodes and beams.
-pub fn drawings(study: &Study) -> Vec<Chart> {
-    let machine = study.machine();
-    let modes = study.model().modes();
+/// The machine in an oblique view from above, m: at rest, then once for each mode. `legs` are the
+/// beams with actuators, by index. The numbers of points grow in proportion to the numbers of nodes
+/// and beams. None of a machine with neither bodies nor beams.
+pub fn drawings(machine: &Structure, legs: &[usize], model: &StructureModel) -> Vec<Chart> {
+    let modes = model.modes();
+    let at_rest = Drawing::new(machine, legs, model, None);
+    if at_rest.series().is_empty() {
+        return Vec::new();
+    }
     let axis = || Axis {
         scale: Scale::Equal,
         ..Axis::linear("m")
     };
-    let at_rest = Drawing::new(study, None);
     let mut drawings = vec![Chart::new(
         "machine",
         format!("{}: legs, bodies, beams", machine.name),
         "Oblique view from above. A body is drawn as lines from its centre of gravity to its nodes.",
         [axis(), axis()],
-        at_rest.series().into(),
+        at_rest.series(),
     )];
     let rest = [&at_rest.legs[..], &at_rest.others].concat();
     for (i, hz) in modes.hertz().into_iter().enumerate() {
-        let moved = Drawing::new(study, Some(&modes.shapes.column(i).into_owned()));
+        let shape = modes.shapes.column(i).into_owned();
+        let moved = Drawing::new(machine, legs, model, Some(&shape));
         let mut series =
             vec![Series::line("at rest", Colour::Open, rest.clone()).styled(Style::Dashed)];
         series.extend(moved.series());
@@ -480,9 +566,12 @@ struct Drawing {
 
 impl Drawing {
     /// The machine at rest, or moved along a mode shape.
-    fn new(study: &Study, shape: Option<&DVector<f64>>) -> Self {
-        let machine = study.machine();
-        let model = study.model();
+    fn new(
+        machine: &Structure,
+        legs: &[usize],
+        model: &StructureModel,
+        shape: Option<&DVector<f64>>,
+    ) -> Self {
         let moved: Vec<Vector3<f64>> = (0..machine.nodes.len())
             .map(|node| match shape {
                 Some(shape) => model.translation(node, shape),
@@ -525,7 +614,7 @@ impl Drawing {
             points.chain([(f64::NAN, f64::NAN)]).collect::<Vec<_>>()
         };
         let others = 0..machine.beams.len();
-        let others = others.filter(|i| !machine.actuators.contains(i));
+        let others = others.filter(|i| !legs.contains(i));
         let carried = machine.nodes.iter().enumerate();
         let bodies = carried.filter_map(|(i, carried)| match carried.carrier {
             Carrier::Base | Carrier::Free => None,
@@ -533,22 +622,23 @@ impl Drawing {
             Carrier::Body(body) => Some(segment(cog(body), node(i))),
         });
         Self {
-            legs: machine
-                .actuators
-                .iter()
-                .flat_map(|leg| beam(*leg))
-                .collect(),
+            legs: legs.iter().flat_map(|leg| beam(*leg)).collect(),
             others: others.flat_map(beam).collect(),
             bodies: bodies.flatten().collect(),
         }
     }
 
-    fn series(&self) -> [Series; 3] {
-        [
-            Series::line("bodies", Colour::Nth(4), self.bodies.iter().copied()),
-            Series::line("legs", Colour::Nth(1), self.legs.iter().copied()),
-            Series::line("other beams", Colour::Nth(2), self.others.iter().copied()),
-        ]
+    /// One for each kind of part that the machine has.
+    fn series(&self) -> Vec<Series> {
+        let parts = [
+            ("bodies", Colour::Nth(4), &self.bodies),
+            ("legs", Colour::Nth(1), &self.legs),
+            ("other beams", Colour::Nth(2), &self.others),
+        ];
+        let parts = parts.into_iter().filter(|(.., points)| !points.is_empty());
+        parts
+            .map(|(name, colour, points)| Series::line(name, colour, points.iter().copied()))
+            .collect()
     }
 }
 
@@ -563,7 +653,7 @@ fn oblique(p: Vector3<f64>) -> (f64, f64) {
 }
 
 /// The diagonal of the box around all nodes, its sides along the axes, m.
-fn size(machine: &Machine) -> f64 {
+fn size(machine: &Structure) -> f64 {
     let nodes = || machine.nodes.iter().map(|node| node.at);
     let low = nodes().reduce(|a, b| a.inf(&b));
     let high = nodes().reduce(|a, b| a.sup(&b));

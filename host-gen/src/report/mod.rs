@@ -4,6 +4,7 @@ use indexmap::IndexMap;
 use serde::Serialize;
 
 use crate::analysis::compare::MachineComparison;
+use crate::analysis::compliance::Compliance;
 use crate::analysis::controller::DesignAnalysis;
 use crate::analysis::floors::FloorAnalysis;
 use crate::analysis::gains::GainAnalysis;
@@ -16,7 +17,8 @@ use crate::closed_loop::budget::both_budgets;
 use crate::control::LinearLaw;
 use crate::design::{DesignedStudy, NoDesign, Search, StudyError};
 use crate::floor::{Criterion, Floor, NamedFloor};
-use crate::machine::{FeedbackKind, Machine};
+use crate::machine::{FeedbackKind, Machine, MachineError, Structure};
+use crate::model::structure::StructureModel;
 use crate::simulate::run::{Comparison, compare};
 use crate::simulate::session::{Phase, history};
 use chart::{Chart, laid_over};
@@ -46,25 +48,34 @@ const SPECTRA: [f64; 2] = [0.5, 300.0];
 #[derive(Debug, Serialize)]
 pub struct Report {
     machine: String,
+    files: Vec<SourceFile>,
+    scene: Scene,
+    modes: ModeAnalysis,
+    charts: Vec<Chart>,
+    /// Drawings for papers; the page shows the machine in 3D.
+    #[serde(skip)]
+    drawings: Vec<Chart>,
+    #[serde(flatten)]
+    control: Option<Control>,
+}
+
+/// What only a machine with control has.
+#[derive(Debug, Serialize)]
+struct Control {
     model_sha256: String,
     feedback: &'static str,
     frequency_hz: f64,
     damping: f64,
     sample_rate: f64,
-    files: Vec<SourceFile>,
     settings: Vec<Setting>,
-    scene: Scene,
-    modes: ModeAnalysis,
     /// Gains for each kind of feedback that the machine has sensors for.
     gains: Vec<GainAnalysis>,
     zeros: ZeroAnalysis,
+    /// Displacements for the loads, whose lists over frequency are in the charts; none without loads.
+    compliance: Option<Compliance>,
     closed: Option<Closed>,
     /// The reason if there is no closed loop.
     missing: Option<String>,
-    charts: Vec<Chart>,
-    /// Drawings for papers; the page shows the machine in 3D.
-    #[serde(skip)]
-    drawings: Vec<Chart>,
     statements: Vec<Statement>,
     warnings: Vec<String>,
     /// Curves that are missing in the chart of singular values, each with the reason.
@@ -160,6 +171,8 @@ impl Report {
             charts::isolation(own)?,
             charts::frequencies(studies)?,
         ];
+        let compliance = Compliance::of(study, own.design.as_ref().ok())?;
+        charts.extend(compliance.iter().flat_map(charts::compliance));
         let mut closed = None;
         if let Ok(design) = &own.design {
             let table = &design.table;
@@ -196,46 +209,65 @@ impl Report {
         }
         let gains = studies.iter().map(|l| &l.study);
         let gains = gains.filter(|study| study.design_model().feedback != FeedbackKind::Both);
-        Ok(Self {
-            machine: machine.name.clone(),
+        let control = Control {
             model_sha256: machine.digest.to_string(),
             feedback: kind.name(),
             frequency_hz: machine.target.frequency,
             damping: machine.target.damping,
             sample_rate: machine.board.sample_rate,
-            files: machine
-                .files()
-                .map(|(path, text)| SourceFile {
-                    path: path.display().to_string(),
-                    text: text.to_owned(),
-                })
-                .collect(),
             settings: settings(machine),
-            scene: Scene::new(machine),
-            modes: ModeAnalysis::new(study),
             gains: gains.map(GainAnalysis::new).collect::<Result<_, _>>()?,
             zeros: ZeroAnalysis::new(machine)?,
+            compliance: compliance.map(Compliance::without_spectra),
             closed,
             missing: own.design.as_ref().err().map(NoDesign::to_string),
-            charts,
-            drawings: charts::drawings(study),
             statements: machine.provenance.iter().map(Statement::new).collect(),
             warnings: warnings(study),
             not_shown: sigma.missing,
             own: own.clone(),
+        };
+        Ok(Self {
+            machine: machine.name.clone(),
+            files: files(machine),
+            scene: Scene::new(machine),
+            modes: ModeAnalysis::new(study),
+            charts,
+            drawings: charts::drawings(machine, &machine.actuators, study.model()),
+            control: Some(control),
+        })
+    }
+
+    /// The report on a machine without control: its parts and its modes.
+    fn passive(machine: &Structure) -> Result<Self, MachineError> {
+        Ok(Self {
+            machine: machine.name.clone(),
+            files: files(machine),
+            scene: Scene::of_structure(machine),
+            modes: ModeAnalysis::passive(machine)?,
+            charts: Vec::new(),
+            drawings: charts::drawings(machine, &[], &StructureModel::new(machine)?),
+            control: None,
         })
     }
 
     /// All charts, then all drawings, each with its file name without extension.
     pub fn pictures(&self) -> Vec<(String, &Chart)> {
-        let charts = self.charts.iter().map(|c| (c.id.to_owned(), c));
+        let charts = self.charts.iter().map(|c| (c.id.clone(), c));
         let drawings = self.drawings.iter().enumerate();
         let drawings = drawings.map(|(i, c)| match i {
-            0 => (c.id.to_owned(), c),
+            0 => (c.id.clone(), c),
             _ => (format!("{}-{i}", c.id), c),
         });
         charts.chain(drawings).collect()
     }
+}
+
+fn files(machine: &Structure) -> Vec<SourceFile> {
+    let files = machine.files().map(|(path, text)| SourceFile {
+        path: path.display().to_string(),
+        text: text.to_owned(),
+    });
+    files.collect()
 }
 
 /// All keys with their values, except those under `provenance`.
@@ -305,6 +337,18 @@ impl Review {
         })
     }
 
+    /// A review of a machine without control: its parts and its modes.
+    ///
+    /// # Errors
+    /// [`MachineError`] as [`StructureModel::new`].
+    pub fn passive(machine: &Structure) -> Result<Self, MachineError> {
+        Ok(Self {
+            version: env!("CARGO_PKG_VERSION"),
+            machines: vec![Report::passive(machine)?],
+            side_by_side: None,
+        })
+    }
+
     /// All pictures, each with its file name without extension. With several machines,
     /// the names start with the name of the machine, or with `compared`.
     pub fn pictures(&self) -> Vec<(String, &Chart)> {
@@ -331,15 +375,22 @@ impl Review {
 
 impl SideBySide {
     fn new(reports: &[Report]) -> Result<Self, StudyError> {
+        // Each has control: there is no other way to a review of several.
+        let controls: Vec<&Control> = reports.iter().flat_map(|report| &report.control).collect();
         // Machines of the same name are told apart by their feedback, or by their order.
+        let feedback = |report: &Report| report.control.as_ref().map(|control| control.feedback);
         let name = |(i, report): (usize, &Report)| {
             let same = |other: &&Report| other.machine == report.machine;
-            let alike = |other: &Report| other.feedback == report.feedback;
+            let alike = |other: &Report| feedback(other) == feedback(report);
             let others: Vec<_> = reports.iter().filter(same).collect();
             if others.len() < 2 {
                 report.machine.clone()
             } else if others.iter().filter(|other| alike(other)).count() < 2 {
-                format!("{}, {}", report.machine, report.feedback)
+                format!(
+                    "{}, {}",
+                    report.machine,
+                    feedback(report).unwrap_or_default()
+                )
             } else {
                 format!("{} {}", report.machine, i + 1)
             }
@@ -352,16 +403,16 @@ impl SideBySide {
             .collect();
         // The value in each machine by key, in the order of the files.
         let mut values: IndexMap<&str, Vec<Option<String>>> = IndexMap::new();
-        for (i, report) in reports.iter().enumerate() {
-            for setting in &report.settings {
+        for (i, control) in controls.iter().enumerate() {
+            for setting in &control.settings {
                 let of_key = values.entry(&setting.key);
-                of_key.or_insert_with(|| vec![None; reports.len()])[i] =
+                of_key.or_insert_with(|| vec![None; controls.len()])[i] =
                     Some(setting.value.clone());
             }
         }
         Ok(Self {
             charts: laid_over(&charts),
-            compared: MachineComparison::new(reports.iter().map(|report| &report.own))?,
+            compared: MachineComparison::new(controls.iter().map(|control| &control.own))?,
             differences: values
                 .into_iter()
                 .filter(|(_, values)| values.iter().any(|value| value != &values[0]))

@@ -25,7 +25,7 @@ const FAMILY: &str = "DejaVu Sans";
 #[derive(Debug, thiserror::Error)]
 #[error("the chart {chart} cannot be drawn: {reason}")]
 pub struct PlotError {
-    chart: &'static str,
+    chart: String,
     reason: String,
 }
 
@@ -35,6 +35,8 @@ struct Drawn<'a> {
     low: f64,
     high: f64,
     ticks: Vec<f64>,
+    /// Whether ticks are written as decimals, not with powers of ten.
+    decimal: bool,
 }
 
 impl<'a> Drawn<'a> {
@@ -64,6 +66,7 @@ impl<'a> Drawn<'a> {
             low,
             high,
             ticks: Vec::new(),
+            decimal: true,
         }
     }
 
@@ -82,6 +85,9 @@ impl<'a> Drawn<'a> {
         } else {
             self.even()
         };
+        // One notation for all of them.
+        let mut values = self.ticks.iter().map(|at| self.value(*at).abs());
+        self.decimal = values.all(|x| x == 0.0 || (1e-4..1e5).contains(&x));
     }
 
     /// Powers of ten, and 2 and 5 times these where there are few.
@@ -119,17 +125,22 @@ impl<'a> Drawn<'a> {
         (first..=last).map(|i| i as f64 * step).collect()
     }
 
-    fn label(&self, at: f64) -> String {
-        if let Some(name) = self.axis.names.get(at.round() as usize) {
-            return name.clone();
-        }
+    /// The value at a tick.
+    fn value(&self, at: f64) -> f64 {
         let value = match self.axis.scale {
             Scale::Log => 10f64.powf(at),
             _ => at,
         };
         // 0.1 + 0.2 is a tick at 0.3.
-        let value: f64 = format!("{value:.6e}").parse().unwrap_or(value);
-        if value != 0.0 && !(1e-4..1e5).contains(&value.abs()) {
+        format!("{value:.6e}").parse().unwrap_or(value)
+    }
+
+    fn label(&self, at: f64) -> String {
+        if let Some(name) = self.axis.names.get(at.round() as usize) {
+            return name.clone();
+        }
+        let value = self.value(at);
+        if value != 0.0 && !self.decimal {
             format!("{value:e}")
         } else {
             format!("{value}")
@@ -192,7 +203,7 @@ fn colour(series: &Series) -> RGBColor {
 pub fn svg(chart: &Chart) -> Result<String, PlotError> {
     let mut text = String::new();
     draw(chart, &mut text).map_err(|reason| PlotError {
-        chart: chart.id,
+        chart: chart.id.clone(),
         reason: reason.to_string(),
     })?;
     Ok(text)
@@ -315,7 +326,7 @@ fn draw(chart: &Chart, text: &mut String) -> Result<(), Box<dyn std::error::Erro
 /// [`PlotError`] if `svg` is not valid SVG.
 pub fn png(chart: &Chart, svg: &str) -> Result<Vec<u8>, PlotError> {
     let failed = |reason: String| PlotError {
-        chart: chart.id,
+        chart: chart.id.clone(),
         reason,
     };
     let mut options = Options::default();

@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use crate::machine::{Carrier, Direction, Machine};
+use crate::machine::{Carrier, Direction, Machine, Structure};
 
 /// The parts of a machine for the 3D view. Indices count from 0.
 #[derive(Clone, Debug, Serialize)]
@@ -14,6 +14,10 @@ pub struct Scene {
     pub beams: Vec<SceneBeam>,
     /// All bodies, in the order of the file.
     pub bodies: Vec<SceneBody>,
+    /// All springs and joints, in the order of the file.
+    pub springs: Vec<SceneSpring>,
+    /// All point masses, in the order of the file.
+    pub point_masses: Vec<ScenePointMass>,
     /// Accelerometers with their directions; empty if there are none.
     pub accelerometers: Vec<Arrow>,
     /// Beams with a force sensor, by index in `beams`.
@@ -72,6 +76,28 @@ pub struct SceneBody {
     pub cog: [f64; 3],
 }
 
+/// A spring or joint of the 3D view.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneSpring {
+    /// Name in the file.
+    pub name: String,
+    /// Nodes p and q, by index in [`Scene::nodes`]; they may be at one place.
+    pub ends: [usize; 2],
+    /// Stiffness along its local x, y and z axes, N/m, then about these, N m; of either sign.
+    pub stiffness: [f64; 6],
+}
+
+/// A point mass of the 3D view.
+#[derive(Clone, Debug, Serialize)]
+pub struct ScenePointMass {
+    /// Name in the file.
+    pub name: String,
+    /// Node, by index in [`Scene::nodes`].
+    pub node: usize,
+    /// Mass, kg.
+    pub mass: f64,
+}
+
 /// A direction at a node of the 3D view.
 #[derive(Clone, Debug, Serialize)]
 pub struct Arrow {
@@ -86,11 +112,25 @@ pub struct Arrow {
 impl Scene {
     /// The scene of `machine`.
     pub fn new(machine: &Machine) -> Self {
+        let mut scene = Self::of_structure(machine);
+        for (channel, leg) in machine.actuators.iter().enumerate() {
+            scene.beams[*leg].channel = Some(channel + 1);
+        }
         let arrow = |d: &Direction| Arrow {
             name: d.name.clone(),
             node: d.node,
             direction: d.direction.into(),
         };
+        Self {
+            accelerometers: machine.accelerometers.iter().flatten().map(arrow).collect(),
+            force_sensors: machine.force_sensors.iter().flatten().copied().collect(),
+            floor: machine.floor.iter().map(arrow).collect(),
+            ..scene
+        }
+    }
+
+    /// The scene of a machine without control.
+    pub fn of_structure(machine: &Structure) -> Self {
         let nodes = machine.nodes.iter().map(|node| SceneNode {
             name: node.name.clone(),
             at: node.at.into(),
@@ -100,14 +140,10 @@ impl Scene {
             },
             free: matches!(node.carrier, Carrier::Free | Carrier::Flexible(_)),
         });
-        let beams = machine.beams.iter().enumerate().map(|(i, beam)| SceneBeam {
+        let beams = machine.beams.iter().map(|beam| SceneBeam {
             name: beam.name.clone(),
             ends: beam.ends,
-            channel: machine
-                .actuators
-                .iter()
-                .position(|leg| *leg == i)
-                .map(|channel| channel + 1),
+            channel: None,
             axial: beam.stiffness.axial,
             bending: beam.stiffness.bending,
             torsion: beam.stiffness.torsion,
@@ -118,13 +154,25 @@ impl Scene {
             inertia: body.inertia.transpose().into(),
             cog: body.cog.into(),
         });
+        let springs = machine.springs.iter().map(|spring| SceneSpring {
+            name: spring.name.clone(),
+            ends: spring.ends,
+            stiffness: spring.stiffness.into(),
+        });
+        let point_masses = machine.point_masses.iter().map(|mass| ScenePointMass {
+            name: mass.body.name.clone(),
+            node: mass.node,
+            mass: mass.body.mass,
+        });
         Self {
             nodes: nodes.collect(),
             beams: beams.collect(),
             bodies: bodies.collect(),
-            accelerometers: machine.accelerometers.iter().flatten().map(arrow).collect(),
-            force_sensors: machine.force_sensors.iter().flatten().copied().collect(),
-            floor: machine.floor.iter().map(arrow).collect(),
+            springs: springs.collect(),
+            point_masses: point_masses.collect(),
+            accelerometers: Vec::new(),
+            force_sensors: Vec::new(),
+            floor: Vec::new(),
         }
     }
 }

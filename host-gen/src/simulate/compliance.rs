@@ -1,16 +1,13 @@
 //! How far loads on the machine displace it: over frequency, and over time.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::profile::Profile;
 use super::push::{Pushed, push};
-use crate::closed_loop::{SLOWEST, SampledLoop};
-use crate::control::LinearLaw;
+use crate::analysis::compliance::{Compliance, displacements};
 use crate::design::{Design, Study};
 use crate::machine::{EntryError, MachineError};
 use crate::numeric::NumericError;
-use crate::numeric::frequencies::{grid, pole_peaks};
 use crate::plant::SampledPlant;
 
 /// Why the compliance of a machine is not known.
@@ -42,35 +39,11 @@ pub struct Pushing<'a> {
 pub struct ComplianceAnalysis {
     pub(crate) machine: String,
     model_sha256: String,
-    /// Frequencies, Hz.
-    pub(crate) hz: Vec<f64>,
-    pub(crate) loads: Vec<LoadCompliance>,
+    /// Over frequency.
+    #[serde(flatten)]
+    pub(crate) compliance: Compliance,
     /// Under loads over time, if any were given.
     pub(crate) profile: Option<Response>,
-}
-
-/// The displacements for one load.
-#[derive(Debug, Serialize)]
-pub(crate) struct LoadCompliance {
-    pub(crate) name: String,
-    /// `"N"` or `"N m"`.
-    pub(crate) unit: &'static str,
-    pub(crate) outputs: Vec<OutputCompliance>,
-}
-
-/// One displacement for one load.
-#[derive(Debug, Serialize)]
-pub(crate) struct OutputCompliance {
-    /// Name of the performance output, or of the load whose node moves.
-    pub(crate) name: String,
-    /// `"m"` or `"rad"`.
-    pub(crate) unit: &'static str,
-    /// Without control at rest, signed, unit over unit of the load. With control it is the same,
-    /// because the loop does not act on constant accelerations.
-    pub(crate) fixed: f64,
-    /// Magnitudes at every frequency, without and with control.
-    pub(crate) open: Vec<f64>,
-    pub(crate) closed: Vec<f64>,
 }
 
 /// What loads over time do.
@@ -127,9 +100,6 @@ pub(crate) struct Course {
 /// Most points of a displacement over time.
 const SHOWN: usize = 2000;
 
-/// Highest frequency, Hz, of what is shown: that of the charts of σ_max.
-const TOP: f64 = 300.0;
-
 impl ComplianceAnalysis {
     /// The compliance of `study`'s machine to its loads, without control and with `design`; and its
     /// response to loads over time, if there are any.
@@ -150,66 +120,15 @@ impl ComplianceAnalysis {
             return Err(machine.locate(error).into());
         }
         let plant = study.loaded_plant()?;
-        let closed = SampledLoop {
-            plant: &plant,
-            law: LinearLaw::new(&design.table),
-        };
-        let rows = plant.plant.performance();
-        let mut peaks = plant.peaks();
-        peaks.extend(pole_peaks(&closed.poles()?));
-        let low = SLOWEST * machine.target.frequency;
-        let top = TOP.min(0.4 * machine.board.sample_rate);
-        let hz = grid(low, top, 400, &peaks);
-        let both: Vec<_> = hz
-            .par_iter()
-            .map(|&hz| {
-                [
-                    plant.plant.open(hz, rows.clone()),
-                    closed.close(hz, rows.clone()),
-                ]
-            })
-            .collect();
-        let names = outputs(study);
-        let at_rest = plant.plant.at_rest(rows);
-        let loads = machine.loads.iter().enumerate().map(|(j, load)| {
-            let of = |i: usize, side: usize| both.iter().map(move |both| both[side][(i, j)].norm());
-            let outputs = names
-                .iter()
-                .enumerate()
-                .map(|(i, (name, unit))| OutputCompliance {
-                    name: name.clone(),
-                    unit,
-                    fixed: at_rest[(i, j)],
-                    open: of(i, 0).collect(),
-                    closed: of(i, 1).collect(),
-                });
-            LoadCompliance {
-                name: load.at.name.clone(),
-                unit: load.unit(),
-                outputs: outputs.collect(),
-            }
-        });
-        let loads = loads.collect();
+        let compliance = Compliance::new(study, &plant, Some(design))?;
         let response = pushing.map(|pushing| respond(study, design, &plant, pushing));
         Ok(Self {
             machine: machine.name.clone(),
             model_sha256: machine.digest.to_string(),
-            hz,
-            loads,
+            compliance,
             profile: response,
         })
     }
-}
-
-/// Names and units of the displacements of a loaded plant.
-fn outputs(study: &Study) -> Vec<(String, &'static str)> {
-    let machine = study.machine();
-    let performance = machine.performance_names().into_iter();
-    let own = machine.loads.iter().map(|load| {
-        let unit = if load.moment { "rad" } else { "m" };
-        (format!("at {}", load.at.name), unit)
-    });
-    performance.map(|name| (name, "m")).chain(own).collect()
 }
 
 fn respond(
@@ -233,7 +152,7 @@ fn respond(
     let (open, closed) = rayon::join(|| one(false), || one(true));
     let every = steps.div_ceil(SHOWN).max(1);
     let last_change = profile.last_change();
-    let names = outputs(study).into_iter().enumerate();
+    let names = displacements(study.machine()).into_iter().enumerate();
     let settling = names.map(|(i, (name, unit))| {
         let peak = |pushed: &Pushed| {
             pushed.displacements[i]

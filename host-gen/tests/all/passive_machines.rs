@@ -7,6 +7,8 @@ use host_gen::analysis::modes::ModeAnalysis;
 use host_gen::machine::{MachineError, Structure};
 use host_gen::model::multibody::Multibody;
 use host_gen::model::structure::StructureModel;
+use host_gen::report::{Report, Review};
+use serde_json::Value;
 use toml::Table;
 
 use crate::common::{model_text, parse};
@@ -104,6 +106,46 @@ fn control_does_not_change_the_modes() {
     }
 }
 
+/// The page of the metrology frame without what is of control has the same parts and modes, and
+/// nothing of control; that of two masses on springs has their modes.
+#[test]
+fn a_page_without_control() {
+    let json = |review: &Review| serde_json::from_str::<Value>(&review.json()).unwrap();
+    let mut table: Table = model_text().parse().unwrap();
+    for key in CONTROL.into_iter().chain(["loads", "provenance"]) {
+        table.remove(key);
+    }
+    let without = passive(&table.to_string()).unwrap().unwrap();
+    let without = Review::passive(&without).unwrap();
+    let with = Report::quick(&parse(&model_text()).unwrap()).unwrap();
+    let with = Review::new(vec![with]).unwrap();
+    let [one, other] = [&without, &with].map(|review| json(review)["machines"][0].clone());
+    for key in ["nodes", "bodies", "springs", "point_masses"] {
+        assert_eq!(one["scene"][key], other["scene"][key], "{key}");
+    }
+    let modes = one["modes"]["modes"].as_array().unwrap();
+    assert_eq!(modes.len(), 12);
+    for (mode, other) in modes
+        .iter()
+        .zip(other["modes"]["modes"].as_array().unwrap())
+    {
+        assert_eq!(mode["hz"], other["hz"]);
+        assert_eq!(mode["shape"], other["shape"]);
+    }
+    for key in ["feedback", "closed", "gains", "compliance", "model_sha256"] {
+        assert!(one.get(key).is_none() && other.get(key).is_some(), "{key}");
+    }
+    // The machine and its modes, as drawings.
+    assert_eq!(without.pictures().len(), 13);
+
+    let row = Review::passive(&passive(ROW).unwrap().unwrap()).unwrap();
+    assert_eq!(
+        json(&row)["machines"][0]["modes"]["modes"][5]["nodes"][1]["node"],
+        "far"
+    );
+    assert!(row.pictures().is_empty());
+}
+
 /// With any of control's tables, a file is that of a machine, and the others are missing.
 #[test]
 fn a_part_of_control_is_not_enough() {
@@ -115,13 +157,13 @@ fn a_part_of_control_is_not_enough() {
             let says = error.message().contains(&format!("`{other}`"));
             assert_eq!(says, other != key, "{error}");
         }
-        assert!(!error.to_string().contains("works without"), "{error}");
+        assert!(!error.to_string().contains("work without"), "{error}");
     }
     let error = parse(ROW).unwrap_err();
     assert!(error.message().contains("missing keys `coordinates`"));
     let fix = error.fix().unwrap();
     assert!(
-        fix.starts_with("host-gen modes works without control; for all else add them: "),
+        fix.starts_with("host-gen modes and report work without control; for all else add them: "),
         "{fix}"
     );
 }

@@ -7,7 +7,7 @@ use crate::common::{edited, looped_frame, model_path, parse, search, set, study}
 use host_gen::design::{Cache, Search, Study};
 use host_gen::floor::{Criterion, Floor};
 use host_gen::machine::Machine;
-use host_gen::report::chart::{Chart, Scale, Series, Style};
+use host_gen::report::chart::{Axis, Chart, Colour, Scale, Series, Style, coinciding};
 use host_gen::report::page::page;
 use host_gen::report::plots::{csv, png, svg};
 use host_gen::report::{Report, Review};
@@ -233,6 +233,97 @@ fn history_ends_as_the_simulation_does() {
     assert!((0.6..1.6).contains(&ratio), "{ratio}");
 }
 
+/// Lines are one if they are the same polygon, however it is divided, and not if they are a
+/// hundredth of the axis apart, or if one goes on where the other ends.
+#[test]
+fn lines_on_each_other_are_one() {
+    let axes = [Axis::log("Hz").from_to(1.0, 100.0), Axis::linear("dB")];
+    let line = |count: i32, shift: f64, end: f64| {
+        let points = (0..=count).map(|i| {
+            let part = end * f64::from(i) / f64::from(count);
+            (100_f64.powf(part), 10.0 * part + shift)
+        });
+        Series::line("", Colour::Open, points)
+    };
+    let series = [
+        line(20, 0.0, 1.0),
+        line(33, 0.0, 1.0),
+        line(20, 0.2, 1.0),
+        line(20, 0.0, 0.5),
+        line(7, 0.201, 1.0),
+    ];
+    let groups = coinciding(&series, axes.each_ref());
+    assert_eq!(groups, [vec![0, 1], vec![2, 4], vec![3]]);
+}
+
+/// In the charts of the loop each mode is named once, and those of the frame's pairs have one curve.
+#[test]
+fn modes_of_a_pair_have_one_curve() {
+    for id in ["loop-gain", "nyquist"] {
+        let series = &chart(frame(), id).series;
+        let named: Vec<String> = series
+            .iter()
+            .filter(|s| s.style == Style::Line)
+            .map(|s| s.name.split_once(',').unwrap().0.replace("modes ", ""))
+            .map(|name| name.replace("mode ", ""))
+            .collect();
+        assert_eq!(named, ["1 and 2", "3", "4 and 5", "6"]);
+    }
+}
+
+/// All parts of the machine are in the 3D view, with the numbers of the file.
+#[test]
+fn springs_and_point_masses_are_in_the_view() {
+    let machine = parse(&edited(&[
+        ("springs.tie.nodes", "[\"n3\", \"n5\"]"),
+        ("springs.tie.stiffness", "[1.0, 2.0, 3.0]"),
+        ("point_masses.box.node", "\"n5\""),
+        ("point_masses.box.mass", "2.5"),
+    ]));
+    let report = Report::quick(&machine.unwrap()).unwrap();
+    let json = value(&Review::new(vec![report]).unwrap());
+    let scene = &json["machines"][0]["scene"];
+    let name = |node: &Value| {
+        let node = node.as_u64().unwrap() as usize;
+        scene["nodes"][node]["name"].as_str().unwrap().to_owned()
+    };
+    let spring = &scene["springs"][0];
+    assert_eq!(spring["name"], "tie");
+    assert_eq!(name(&spring["ends"][0]), "n3");
+    assert_eq!(name(&spring["ends"][1]), "n5");
+    assert_eq!(
+        spring["stiffness"],
+        serde_json::json!([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
+    );
+    let mass = &scene["point_masses"][0];
+    assert_eq!(mass["name"], "box");
+    assert_eq!(mass["mass"], 2.5);
+    assert_eq!(name(&mass["node"]), "n5");
+}
+
+/// The ticks of one axis of a picture are all decimals or all powers of ten.
+#[test]
+fn ticks_have_one_notation() {
+    let labels = |low: f64, high: f64| -> Vec<String> {
+        let axes = [Axis::linear("s"), Axis::log("m").from_to(low, high)];
+        let series = vec![Series::line("one", Colour::Open, [(0.0, low), (1.0, high)])];
+        let picture = svg(&Chart::new("ticks", "", "", axes, series)).unwrap();
+        let texts = picture.split("<text").skip(1);
+        let own = texts.map(|text| text.split_once('>').unwrap().1);
+        own.map(|text| text.split_once("</text>").unwrap().0.trim().to_owned())
+            .collect()
+    };
+    let small = labels(1e-7, 1e-2);
+    for power in ["1e-7", "1e-3", "1e-2"] {
+        assert!(small.contains(&power.to_owned()), "{small:?}");
+    }
+    assert!(!small.contains(&"0.01".to_owned()), "{small:?}");
+    let usual = labels(1e-2, 1e3);
+    for decimal in ["0.01", "1000"] {
+        assert!(usual.contains(&decimal.to_owned()), "{usual:?}");
+    }
+}
+
 /// Every number of a chart comes back from its CSV.
 #[test]
 fn csv_reads_back() {
@@ -259,8 +350,8 @@ fn csv_reads_back() {
 #[test]
 fn pictures_show_their_series() {
     let pictures = frame().pictures();
-    // Eleven charts, the machine, twelve modes.
-    assert_eq!(pictures.len(), 24);
+    // Thirteen charts, two of them of the loads, the machine, twelve modes.
+    assert_eq!(pictures.len(), 26);
     for (name, chart) in pictures {
         let picture = svg(chart).unwrap();
         let pixels = Pixmap::decode_png(&png(chart, &picture).unwrap()).unwrap();
@@ -289,12 +380,12 @@ fn pictures_show_their_series() {
 /// where its axes' labels put it.
 #[test]
 fn axes_of_pictures_are_true() {
-    use host_gen::report::chart::{Axis, Colour};
     let points = [(1.0, 0.0), (10.0, 5.0), (100.0, 10.0)];
     let chart = Chart {
-        id: "true",
+        id: "true".to_owned(),
         title: "true".to_owned(),
         note: String::new(),
+        styles: String::new(),
         x: Axis::log("Hz").from_to(1.0, 100.0),
         y: Axis::linear("dB").from_to(0.0, 10.0),
         series: vec![Series::line("one", Colour::Open, points).styled(Style::Points)],
@@ -360,6 +451,22 @@ fn side_by_side_shows_what_differs() {
             "b: acceleration, sampled"
         ]
     );
+    // Colours tell the machines, lines what is without control.
+    let styles: Vec<Style> = sigma.iter().map(|s| s.style).collect();
+    assert_eq!(
+        styles,
+        [Style::Dashed, Style::Line, Style::Dashed, Style::Line]
+    );
+    assert_eq!(sigma[0].colour, sigma[1].colour);
+    assert_ne!(sigma[0].colour, sigma[2].colour);
+    // Each machine has a row, and no row is empty.
+    let rows = chart(&review, "compared-frequencies");
+    assert_eq!(rows.y.names, ["a: modes", "b: modes"]);
+    for (row, own) in ["a: ", "b: "].into_iter().enumerate() {
+        let own = rows.series.iter().filter(|s| s.name.starts_with(own));
+        let places: Vec<f64> = own.flat_map(|s| s.y.iter().copied()).collect();
+        assert_eq!(places, vec![row as f64; 12]);
+    }
     assert_eq!(sigma[0].y, chart(&review, "a-sigma").series[0].y);
     assert_eq!(sigma[2].y, chart(&review, "b-sigma").series[0].y);
     assert_ne!(sigma[0].y, sigma[2].y);
@@ -519,4 +626,98 @@ fn drawings_grow_in_proportion_to_the_nodes() {
         assert!(many > few);
         assert_eq!(most - many, 2 * (many - few));
     }
+}
+
+/// The compliance on the page: at rest that of the stiffness alone, and over frequency that of the
+/// equation of motion, without damping. What symmetry makes zero is not drawn.
+#[test]
+fn compliance_on_the_page_is_that_of_the_equation_of_motion() {
+    let edits = [("damping.modal", "0.0")];
+    let study = study(&edited(&edits));
+    let (machine, model) = (study.machine(), study.model());
+    let quick = Report::quick(machine).unwrap();
+    let review = Review::new(vec![quick]).unwrap();
+    let json = value(&review);
+    for (j, (load, id)) in machine
+        .loads
+        .iter()
+        .zip(["compliance_frame", "compliance_twist"])
+        .enumerate()
+    {
+        let push = if load.moment {
+            // The rotation about z of the frame, the first body, and a couple of size 1 on it.
+            let mut couple = nalgebra::DVector::zeros(model.stiffness.nrows());
+            couple[5] = 1.0;
+            couple
+        } else {
+            model.direction(machine, &load.at).0
+        };
+        let at = |hz: f64| {
+            let omega = std::f64::consts::TAU * hz;
+            let dynamic = &model.stiffness - &model.mass * (omega * omega);
+            push.dot(&dynamic.lu().solve(&push).unwrap())
+        };
+        let still = at(0.0);
+        let outputs = json["machines"][0]["compliance"]["loads"][j]["outputs"]
+            .as_array()
+            .unwrap();
+        let own = outputs
+            .iter()
+            .find(|output| output["name"] == format!("at {}", load.at.name))
+            .unwrap();
+        let fixed = own["fixed"].as_f64().unwrap();
+        assert!((fixed / still - 1.0).abs() < 1e-9, "{fixed:e} {still:e}");
+        assert!(own["closed_highest"].is_null());
+
+        let chart = chart(&review, id);
+        let named = |name: &str| chart.series.iter().find(|s| s.name == name);
+        let curve = named(&format!("at {}, open", load.at.name)).unwrap();
+        let mut checked = 0;
+        for (hz, y) in curve.x.iter().zip(&curve.y).step_by(10) {
+            let expected = at(*hz);
+            // Six digits of the frequency are few near a resonance without damping.
+            if y / still < 5.0 && y / still > 0.2 {
+                assert!((y / expected.abs() - 1.0).abs() < 1e-3, "{y:e} at {hz} Hz");
+                checked += 1;
+            }
+        }
+        assert!(checked > 10, "{checked}");
+        // The frame turns about its axis without the first deformation of the lens.
+        let stretched = named("block15.e1, open").is_some();
+        assert_eq!(stretched, !load.moment);
+    }
+    // Without loads nothing is said of them.
+    let none = Report::quick(&parse(&edited(&[("loads", "{}")])).unwrap()).unwrap();
+    let none = Review::new(vec![none]).unwrap();
+    assert!(value(&none)["machines"][0]["compliance"].is_null());
+    let drawn = none.pictures().into_iter();
+    assert!(
+        drawn
+            .map(|(name, _)| name)
+            .all(|name| !name.starts_with("compliance"))
+    );
+}
+
+/// Compared, loads of one name are in one chart and one row; without loads there are none.
+#[test]
+fn compliance_of_machines_side_by_side() {
+    let machine = |edits: &[(&str, &str)]| Report::quick(&parse(&edited(edits)).unwrap()).unwrap();
+    let loaded = Review::new(vec![
+        machine(&[]),
+        machine(&[("bodies.frame.mass", "800.0")]),
+    ])
+    .unwrap();
+    let compared = chart(&loaded, "compared-compliance_frame");
+    assert_eq!(compared.series.len(), 2);
+    let json = value(&loaded);
+    let columns = json["side_by_side"]["compared"]["machines"]
+        .as_array()
+        .unwrap();
+    let own = |i: usize, key: &str| columns[i]["compliance"][0][key].clone();
+    // Its mass does not change what holds it.
+    let [one, other] = [0, 1].map(|i| own(i, "at_rest").as_f64().unwrap());
+    assert!((one / other - 1.0).abs() < 1e-9, "{one:e} {other:e}");
+    let [one, other] = [0, 1].map(|i| own(i, "open_highest")["hz"].as_f64().unwrap());
+    assert!(other < 0.99 * one, "{one} {other}");
+    assert_eq!(own(0, "unit"), "m/N");
 }

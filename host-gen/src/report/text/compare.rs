@@ -3,7 +3,8 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::aligned::write_table;
-use crate::analysis::compare::{MachineColumn, MachineComparison};
+use super::compliance::short;
+use crate::analysis::compare::{MachineColumn, MachineComparison, OwnCompliance};
 use crate::design::{Band, Design, DesignError, NoDesign};
 
 /// One of a band's levels, dB.
@@ -16,6 +17,16 @@ fn without(reason: &NoDesign) -> &'static str {
         NoDesign::Failed(DesignError::Falls { .. }) => "falls",
         _ => "no design",
     }
+}
+
+/// The items, each once, in the order in which they first come.
+fn each_once<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
+    items.fold(Vec::new(), |mut all, item| {
+        if !all.contains(&item) {
+            all.push(item);
+        }
+        all
+    })
 }
 
 impl Display for MachineComparison {
@@ -64,15 +75,8 @@ impl Display for MachineComparison {
             of_loop(c, &|r| format!("{:.2}", r.isolation_from_ideal_hz))
         });
         let bands = self.machines.iter().filter_map(|c| c.shaped.as_ref().ok());
-        let names: Vec<_> = bands
-            .flat_map(|r| r.bands.iter().map(|band| band.name.clone()))
-            .fold(Vec::new(), |mut names, name| {
-                if !names.contains(&name) {
-                    names.push(name);
-                }
-                names
-            });
-        for name in names {
+        let names = bands.flat_map(|r| r.bands.iter().map(|band| &band.name));
+        for name in each_once(names) {
             let values: [(&str, Level); 3] = [
                 ("open", |band| band.open_db),
                 ("ideal", |band| band.ideal_db),
@@ -84,13 +88,55 @@ impl Display for MachineComparison {
                     &format!("σ_max(G11), {name}, {what}, dB"),
                     &|c| {
                         of_loop(c, &|r| {
-                            let band = r.bands.iter().find(|band| band.name == name);
+                            let band = r.bands.iter().find(|band| band.name == *name);
                             band.map_or_else(String::new, |band| format!("{:.1}", value(band)))
                         })
                     },
                 );
             }
         }
-        write_table(f, 0, 1, rows)
+        let loads = each_once(
+            self.machines
+                .iter()
+                .flat_map(|c| &c.compliance)
+                .map(|own| (&own.load[..], own.unit)),
+        );
+        for (load, unit) in loads {
+            let own = |c: &MachineColumn, cell: &dyn Fn(&OwnCompliance) -> String| {
+                let own = c
+                    .compliance
+                    .iter()
+                    .find(|own| own.load == load && own.unit == unit);
+                own.map_or_else(String::new, cell)
+            };
+            let title = |what: &str| format!("compliance to {load}, {what}, {unit}");
+            line(&mut rows, &title("at rest"), &|c| {
+                own(c, &|own| short(own.at_rest))
+            });
+            line(&mut rows, &title("highest, open"), &|c| {
+                own(c, &|own| short(own.open_highest.magnitude))
+            });
+            line(&mut rows, &title("highest, closed"), &|c| {
+                own(c, &|own| {
+                    of_loop(c, &|_| {
+                        own.closed_highest
+                            .map_or_else(String::new, |x| short(x.magnitude))
+                    })
+                })
+            });
+        }
+        let mut marked = false;
+        // The first row has the names.
+        for row in rows.iter_mut().skip(1) {
+            if row[1..].iter().any(|cell| *cell != row[1]) {
+                row.push("≠".to_owned());
+                marked = true;
+            }
+        }
+        write_table(f, 0, 1, rows)?;
+        if marked {
+            writeln!(f, "≠  not equal for all machines")?;
+        }
+        Ok(())
     }
 }

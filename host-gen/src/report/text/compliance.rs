@@ -3,40 +3,47 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::aligned::{TITLE, WARNING, cells, write_table};
+use crate::analysis::compliance::Compliance;
 use crate::simulate::compliance::{ComplianceAnalysis, Course, Response, Tolerance};
 
 /// Frequencies at which magnitudes are shown, Hz.
 const AT: [f64; 3] = [1.0, 10.0, 100.0];
 
-/// Compliances below this part of the largest are zero but for rounding.
-const ROUNDING: f64 = 1e-12;
+/// A magnitude in three digits.
+pub(super) fn short(x: f64) -> String {
+    if x == 0.0 {
+        "0".to_owned()
+    } else {
+        format!("{:.2e}", x.abs())
+    }
+}
 
 impl Display for ComplianceAnalysis {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(f, "{TITLE}Compliance of {}{TITLE:#}", self.machine)?;
-        for load in &self.loads {
+        let Compliance { hz: grid, loads } = &self.compliance;
+        for load in loads {
             writeln!(f, "  to {}, per {}", load.name, load.unit)?;
             let mut head = cells(["", "", "", "at rest", "highest", "at Hz"]);
             head.extend(AT.map(|hz| format!("{hz:.0} Hz")));
             let mut rows = vec![head];
-            let all = load.outputs.iter().flat_map(|output| &output.open);
-            let largest = all.copied().fold(0.0, f64::max);
-            // What symmetry makes zero is rounding.
-            let short = |x: f64| match x.abs() > ROUNDING * largest {
-                true => format!("{:.2e}", x.abs()),
-                false => "0".to_owned(),
-            };
             for output in &load.outputs {
-                for (side, values) in [("open", &output.open), ("closed", &output.closed)] {
-                    let top = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]));
-                    let Some(top) = top else { continue };
+                let open = Some((&output.open, output.open_highest));
+                let closed = output.closed.as_ref().zip(output.closed_highest);
+                for (side, found) in [("open", open), ("closed", closed)] {
+                    let Some((values, highest)) = found else {
+                        continue;
+                    };
                     let name = if side == "open" { &output.name[..] } else { "" };
                     let mut row = cells([name, output.unit, side]);
                     row.push(short(output.fixed));
-                    row.push(short(values[top]));
-                    row.push(format!("{:.2}", self.hz[top]));
+                    row.push(short(highest.magnitude));
+                    row.push(match highest.magnitude {
+                        0.0 => String::new(),
+                        _ => format!("{:.2}", highest.hz),
+                    });
                     row.extend(AT.map(|hz| {
-                        let at = self.hz.partition_point(|own| *own < hz);
+                        let at = grid.partition_point(|own| *own < hz);
                         values.get(at).map_or("-".to_owned(), |x| short(*x))
                     }));
                     rows.push(row);

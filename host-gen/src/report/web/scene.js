@@ -2,7 +2,7 @@
 // The machine in 3D, and its modes moving. SI units; z is up.
 
 const BODY_COLOURS = [0x5b8db8, 0xd9a441, 0x7fb08a, 0xb784a7, 0x9aa5ad];
-const LEG = 0xd55e00, BEAM = 0x6c757d, PIEZO = 0xf2b134, ACCELERATION = 0x0072b2, FORCE = 0xcc79a7, FLOOR = 0x8a9399;
+const LEG = 0xd55e00, BEAM = 0x6c757d, PIEZO = 0xf2b134, ACCELERATION = 0x0072b2, FORCE = 0xcc79a7, FLOOR = 0x8a9399, SPRING = 0x009e73, MASS = 0x785ef0;
 
 /// Six numbers, translation of `reference` and rotation, at a point: first order.
 function moved(motion, reference, point) {
@@ -16,6 +16,29 @@ function largest(list) {
   return list.reduce((a, b) => Math.max(a, b), -Infinity);
 }
 
+/// A coil of `wire` thickness and `radius` around the y axis from −1/2 to 1/2, to be drawn `length`
+/// times as long.
+function coil(length, radius, wire) {
+  const turns = 6, steps = 20 * turns, sides = 6;
+  const places = [], faces = [];
+  for (let i = 0; i <= steps; i += 1) {
+    const turn = (2 * Math.PI * turns * i) / steps;
+    for (let k = 0; k < sides; k += 1) {
+      const out = radius + wire * Math.cos((2 * Math.PI * k) / sides);
+      const up = (wire / length) * Math.sin((2 * Math.PI * k) / sides);
+      places.push(out * Math.cos(turn), i / steps - 0.5 + up, out * Math.sin(turn));
+      if (i === steps) continue;
+      const [a, b] = [i * sides + k, i * sides + ((k + 1) % sides)];
+      faces.push(a, a + sides, b, b, a + sides, b + sides);
+    }
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
+  geometry.setIndex(faces);
+  geometry.computeVertexNormals();
+  return geometry;
+}
+
 /// Draws `machine` (a report) into `host`, an element of fixed size.
 class Stage {
   constructor(host, machine) {
@@ -27,12 +50,13 @@ class Stage {
       const all = points.map((p) => p[i]);
       return (-largest(all.map((x) => -x)) + largest(all)) / 2;
     });
-    this.size = 2 * largest(points.map((p) => Math.hypot(...p.map((x, i) => x - middle[i]))));
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    // Of a machine whose nodes are all at one place, some size.
+    this.size = 2 * largest(points.map((p) => Math.hypot(...p.map((x, i) => x - middle[i])))) || 1;
+    // What is behind it is the page's, dark or light.
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     host.append(this.renderer.domElement);
     this.world = new THREE.Scene();
-    this.world.background = new THREE.Color(0xeef2f5);
     this.world.add(new THREE.AmbientLight(0xffffff, 1.6));
     for (const [x, y, z, strength] of [[1, -1, 2, 1.9], [-2, 1, 1, 0.7]]) {
       const light = new THREE.DirectionalLight(0xffffff, strength);
@@ -92,11 +116,11 @@ class Stage {
     element.className = "label";
     element.textContent = text;
     this.host.append(element);
-    this.labels.push({ element, position });
+    this.labels.push({ element, position, size: [element.offsetWidth, element.offsetHeight] });
   }
 
   build() {
-    const { nodes, beams, bodies, accelerometers, force_sensors, floor } = this.scene;
+    const { nodes, beams, bodies, springs, point_masses, accelerometers, force_sensors, floor } = this.scene;
     const thin = 0.011 * this.size;
     const carried = bodies.map(() => []);
     for (const node of nodes) if (node.body !== null) carried[node.body].push(node.at);
@@ -115,7 +139,7 @@ class Stage {
       const colour = BODY_COLOURS[index % BODY_COLOURS.length];
       const mesh = new THREE.Mesh(hull, this.material(colour, 0.62));
       group.add(mesh);
-      group.add(new THREE.LineSegments(new THREE.EdgesGeometry(hull, 25), new THREE.LineBasicMaterial({ color: 0x40505c })));
+      group.add(new THREE.LineSegments(new THREE.EdgesGeometry(hull, 25), new THREE.LineBasicMaterial({ color: 0x667683 })));
       const cog = new THREE.Mesh(new THREE.SphereGeometry(1.1 * thin, 24, 16), this.material(0x222a30));
       cog.material.depthTest = false;
       cog.renderOrder = 2;
@@ -149,6 +173,24 @@ class Stage {
       }
       this.world.add(group);
       return group;
+    });
+    // Springs: coils from node to node, or a ball where both are at one place.
+    this.springs = springs.map(({ name, ends, stiffness }) => {
+      const [p, q] = ends.map((end) => new THREE.Vector3(...nodes[end].at));
+      const length = p.distanceTo(q);
+      const joint = length < 2 * thin;
+      const shape = joint ? new THREE.SphereGeometry(1.5 * thin, 20, 12) : coil(length, 1.1 * thin, 0.22 * thin);
+      const spring = new THREE.Mesh(shape, this.material(SPRING));
+      const numbers = (from) => stiffness.slice(from, from + 3).map((x) => short(x)).join(", ");
+      this.says(spring, `spring ${name}\nx, y, z: ${numbers(0)} N/m\nabout x, y, z: ${numbers(3)} N m`);
+      this.world.add(spring);
+      return { spring, ends, joint };
+    });
+    this.masses = point_masses.map(({ name, node, mass }) => {
+      const cube = new THREE.Mesh(new THREE.BoxGeometry(2.6 * thin, 2.6 * thin, 2.6 * thin), this.material(MASS));
+      this.says(cube, `point mass ${name}\n${mass} kg`);
+      this.world.add(cube);
+      return { cube, node };
     });
     const arrow = (item, colour, length, what) => {
       const group = new THREE.Group();
@@ -192,14 +234,20 @@ class Stage {
       group.matrix.set(1, -c, b, cog[0] + x, c, 1, -a, cog[1] + y, -b, a, 1, cog[2] + z, 0, 0, 0, 1);
       group.matrixWorldNeedsUpdate = true;
     });
-    this.beams.forEach((group, index) => {
-      const [p, q] = beams[index].ends.map((end) => at[end]);
+    const between = (object, ends) => {
+      const [p, q] = ends.map((end) => at[end]);
       const along = q.clone().sub(p);
       const length = along.length();
-      group.position.copy(p).add(q).multiplyScalar(0.5);
-      group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.normalize());
-      group.scale.set(1, length, 1);
-    });
+      object.position.copy(p).add(q).multiplyScalar(0.5);
+      object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.normalize());
+      object.scale.set(1, length, 1);
+    };
+    this.beams.forEach((group, index) => between(group, beams[index].ends));
+    for (const { spring, ends, joint } of this.springs) {
+      if (joint) spring.position.copy(at[ends[0]]).add(at[ends[1]]).multiplyScalar(0.5);
+      else between(spring, ends);
+    }
+    for (const { cube, node } of this.masses) cube.position.copy(at[node]);
     for (const { group, node } of this.arrows) group.position.copy(at[node]);
     this.factor = factor;
     this.draw();
@@ -208,9 +256,15 @@ class Stage {
   draw() {
     this.renderer.render(this.world, this.camera);
     const width = this.host.clientWidth, height = this.host.clientHeight;
-    for (const { element, position } of this.labels) {
+    // A name that would lie on another one waits until there is room.
+    const taken = [];
+    for (const { element, position, size: [wide, high] } of this.labels) {
       const p = position().project(this.camera);
-      element.style.transform = `translate(${((p.x + 1) / 2) * width + 8}px, ${((1 - p.y) / 2) * height - 9}px)`;
+      const [x, y] = [((p.x + 1) / 2) * width + 8, ((1 - p.y) / 2) * height - 9];
+      const free = taken.every(([a, b, c, d]) => x >= a + c || a >= x + wide || y >= b + d || b >= y + high);
+      element.style.visibility = free ? "" : "hidden";
+      if (free) taken.push([x, y, wide, high]);
+      element.style.transform = `translate(${x}px, ${y}px)`;
     }
   }
 
@@ -256,7 +310,7 @@ class Stage {
     this.camera.updateProjectionMatrix();
     const pictures = this.modes.map((_, index) => {
       this.show(index);
-      return this.renderer.domElement.toDataURL("image/jpeg", 0.85);
+      return this.renderer.domElement.toDataURL("image/webp", 0.9);
     });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.resize();
@@ -275,7 +329,7 @@ class Stage {
     let last = performance.now();
     const step = (now) => {
       if (this.ended) return;
-      if (this.playing && this.mode !== null) {
+      if (this.playing && this.mode !== null && !on_paper()) {
         this.phase += (2 * Math.PI * 0.6 * (now - last)) / 1000;
         this.pose(Math.sin(this.phase));
       }

@@ -1,8 +1,10 @@
 //! The report's page in a real browser: it loads without an error and without a
 //! network, its charts have their series, hovering shows a value, modes move as the
-//! model says, and the watched page follows its file.
+//! model says, and the watched page follows its file. On a wide window, a phone and paper, no text
+//! lies on another or is cut off.
 #![forbid(unsafe_code)]
 
+mod sheets;
 mod webdriver;
 
 use std::fs;
@@ -15,11 +17,12 @@ use anyhow::{Context as _, Result, bail, ensure};
 use clap::Parser;
 use host_gen::design::{Cache, Search, Study};
 use host_gen::floor::{Criterion, Floor};
-use host_gen::machine::Machine;
+use host_gen::machine::{Machine, Structure};
 use host_gen::report::chart::Chart;
 use host_gen::report::page::page;
 use host_gen::report::{Report, Review};
 use serde_json::Value;
+use sheets::Sheets;
 use webdriver::Browser;
 
 /// Looks at the page of `host-gen report` and `host-gen watch` in Chromium.
@@ -41,6 +44,18 @@ struct Cli {
 
 const MODEL: &str = "models/metrology-frame.toml";
 const OTHER: &str = "models/smaller-basis.toml";
+
+/// What is wrong with the texts on the page.
+const LAYOUT: &str = include_str!("layout.js");
+
+/// Widths of windows, pixels: of a desk and of a phone.
+const WINDOWS: [u32; 2] = [1400, 390];
+
+/// A4 in pixels between the margins of the page, 14 mm.
+const PAPER: [f64; 2] = [688.0, 1017.0];
+
+/// Most sheets of the page of one machine: one more than it takes, for letters of another width.
+const SHEETS: usize = 14;
 
 /// A search that takes a laptop half a minute ends by then anywhere.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -76,18 +91,57 @@ fn run(cli: &Cli) -> Result<()> {
     seen.charts(&charts(&review))?;
     seen.hover(&cli.pictures)?;
     seen.modes(&machine)?;
+    seen.layout(&cli.pictures, "report")?;
+    let sheets = seen.printed(&cli.pictures, "report")?;
+    ensure!(sheets <= SHEETS, "{sheets} sheets of paper");
     seen.done(&cli.pictures, "report")?;
-    println!("one machine: charts, hover, modes: as they should be");
+    println!("one machine: charts, hover, modes, layout, {sheets} sheets: as they should be");
 
     let [one, other] = [MODEL, OTHER].map(|model| direct(folder.path(), model));
     let both = Review::new(vec![report(&one?)?, report(&other?)?])?;
     let seen = Seen::open(&browser, &write(folder.path(), "two.html", &both)?)?;
+    seen.layout(&cli.pictures, "side-by-side")?;
+    seen.printed(&cli.pictures, "side-by-side")?;
     seen.side_by_side(&both)?;
     seen.done(&cli.pictures, "side-by-side")?;
     println!("two machines: side by side as they should be");
 
+    let machine = Structure::parse_passive(Path::new("row.toml"), PASSIVE)?;
+    let machine = machine.context("the file says something of control")?;
+    let review = Review::passive(&machine)?;
+    let seen = Seen::open(&browser, &write(folder.path(), "passive.html", &review)?)?;
+    seen.layout(&cli.pictures, "passive")?;
+    seen.printed(&cli.pictures, "passive")?;
+    seen.done(&cli.pictures, "passive")?;
+    println!("a machine without control: as it should be");
+
     watched(&browser, cli, folder.path())
 }
+
+/// Two masses in a row on springs from the base.
+const PASSIVE: &str = r#"
+format = 1
+name = "row"
+[nodes]
+wall = [0.0, 0.0, 0.0]
+near = [0.0, 0.0, 0.2]
+far = [0.0, 0.1, 0.5]
+[base]
+nodes = ["wall"]
+[free]
+nodes = ["near", "far"]
+[point_masses]
+first = { node = "near", mass = 2.0, inertia = [0.1, 0.1, 0.1] }
+second = { node = "far", mass = 3.0, inertia = [0.1, 0.1, 0.1] }
+[springs.foot]
+nodes = ["wall", "near"]
+stiffness = [4e5, 5e5, 6e5]
+rotational_stiffness = [1e4, 1e4, 1e4]
+[springs.between]
+nodes = ["near", "far"]
+stiffness = [1e5, 2e5, 3e5]
+rotational_stiffness = [1e4, 1e4, 1e4]
+"#;
 
 /// A machine under the direct law, whose search is short and whose page is the same.
 fn direct(folder: &Path, model: &str) -> Result<Machine> {
@@ -110,7 +164,7 @@ fn write(folder: &Path, name: &str, review: &Review) -> Result<String> {
 /// The charts that the page shows of its one machine.
 fn charts(review: &Review) -> Vec<&Chart> {
     let pictures = review.pictures().into_iter();
-    let drawn = |chart: &&Chart| !["machine", "mode"].contains(&chart.id);
+    let drawn = |chart: &&Chart| !["machine", "mode"].contains(&&chart.id[..]);
     pictures.map(|(_, chart)| chart).filter(drawn).collect()
 }
 
@@ -167,13 +221,14 @@ impl<'a> Seen<'a> {
                 chart.id
             );
             let points = self.ask(&format!(
-                "JSON.stringify({place}.data.map((t) => [t.name, t.x.length, t.y.length]))"
+                "JSON.stringify({place}.data.map((t) => [new DOMParser().parseFromString(t.name, 'text/html').body.textContent, t.x.length, t.y.length]))"
             ))?;
             let points: Vec<(String, usize, usize)> =
                 serde_json::from_str(points.as_str().context("no text")?)?;
             let expected = chart.series.iter();
+            // What follows an underscore is set lower, without it.
             let expected: Vec<_> = expected
-                .map(|s| (s.name.clone(), s.x.len(), s.y.len()))
+                .map(|s| (s.name.replace('_', ""), s.x.len(), s.y.len()))
                 .collect();
             ensure!(points == expected, "{}: {points:?}", chart.id);
             // And something is drawn of it.
@@ -265,6 +320,61 @@ impl<'a> Seen<'a> {
         let other = other.is_some_and(|(shown, name)| shown.ends_with(name));
         ensure!(other, "the file shown is {shown}");
         Ok(())
+    }
+
+    /// No text lies on another, is cut off or hard to read, whatever the window, and on paper.
+    fn layout(&self, pictures: &Path, name: &str) -> Result<()> {
+        for width in WINDOWS {
+            for dark in [false, true] {
+                self.browser.look(width, "screen", dark)?;
+                self.until(&format!(
+                    "innerWidth === {width} && [...document.querySelectorAll('[data-chart]')].every((p) => p._fullLayout.width === p.clientWidth)"
+                ))?;
+                let kind = if dark { "dark" } else { "light" };
+                self.texts(&format!("{width} pixels, {kind}"))?;
+                self.picture(pictures, &format!("{name}-{width}-{kind}"))?;
+            }
+        }
+        // Paper is white, whatever the screen is.
+        self.browser.look(PAPER[0] as u32, "print", true)?;
+        self.ask("window.dispatchEvent(new Event('beforeprint'))")?;
+        self.texts("paper")?;
+        let [width, height] = PAPER;
+        let cut = self.ask(&format!(
+            "JSON.stringify([...document.querySelectorAll('figure')].filter((f) => f.offsetHeight > {height} || getComputedStyle(f).breakInside !== 'avoid' || [...f.querySelectorAll('.main-svg')].some((s) => s.getBoundingClientRect().right > {width} + 1)).map((f) => f.textContent))"
+        ))?;
+        ensure!(cut == "[]", "cut off on paper: {cut}");
+        let ground = self.ask("getComputedStyle(document.body).backgroundColor")?;
+        ensure!(ground == "rgb(255, 255, 255)", "paper is {ground}");
+        self.ask("window.dispatchEvent(new Event('afterprint'))")?;
+        // What is printed must not be taken for a screen.
+        self.browser.look(WINDOWS[0], "", false)
+    }
+
+    fn texts(&self, on: &str) -> Result<()> {
+        let faults = self.ask(LAYOUT)?;
+        let faults: Vec<String> = serde_json::from_str(faults.as_str().context("no text")?)?;
+        ensure!(faults.is_empty(), "{on}: {}", faults.join("\n"));
+        Ok(())
+    }
+
+    /// Printed, every heading has on its sheet what it is the heading of. The number of sheets.
+    fn printed(&self, pictures: &Path, name: &str) -> Result<usize> {
+        let pdf = self.browser.print()?;
+        fs::write(pictures.join(name).with_extension("pdf"), &pdf)?;
+        let text = String::from_utf8_lossy(&pdf);
+        let sheets = Sheets::new(&text);
+        let headings = sheets.headings();
+        let there = self.number("document.querySelectorAll('h1, h2, h3').length")?;
+        ensure!(
+            headings.len() as f64 == there,
+            "{} of {there} headings printed",
+            headings.len()
+        );
+        let alone = headings.iter().filter(|heading| sheets.is_alone(**heading));
+        let alone = alone.count();
+        ensure!(alone == 0, "{alone} headings at the end of a sheet");
+        Ok(sheets.count())
     }
 
     fn picture(&self, folder: &Path, name: &str) -> Result<()> {

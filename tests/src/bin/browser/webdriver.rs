@@ -12,8 +12,9 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-/// The longest that a page may take to load, or the browser to answer.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// The longest that a page may take to load, or the browser to answer. Printing takes some seconds, and
+/// two minutes beside other work on all cores.
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// One window of a browser; both it and its driver end with this.
 pub struct Browser {
@@ -116,6 +117,40 @@ impl Browser {
         });
         self.post("/actions", &json!({ "actions": [mouse] }))
             .map(drop)
+    }
+
+    /// From now on the window is `width` pixels wide, and the page as for `media`, "screen",
+    /// "print" or, where it is empty, what it is really for, of a reader who prefers dark colours if
+    /// `dark`.
+    pub fn look(&self, width: u32, media: &str, dark: bool) -> Result<()> {
+        let size =
+            json!({ "width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": false });
+        self.devtools("Emulation.setDeviceMetricsOverride", &size)?;
+        // Paper has none, and its width is that of the text.
+        let bars = json!({ "hidden": media == "print" });
+        self.devtools("Emulation.setScrollbarsHidden", &bars)?;
+        let scheme = if dark { "dark" } else { "light" };
+        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
+        let media = json!({ "media": media, "features": features });
+        self.devtools("Emulation.setEmulatedMedia", &media)
+            .map(drop)
+    }
+
+    /// The page as printed: a PDF whose outline has the headings.
+    pub fn print(&self) -> Result<Vec<u8>> {
+        let settings = json!({
+            "preferCSSPageSize": true,
+            "generateTaggedPDF": true,
+            "generateDocumentOutline": true,
+        });
+        let printed = self.devtools("Page.printToPDF", &settings)?;
+        Ok(BASE64_STANDARD.decode(printed["data"].as_str().context("no print")?)?)
+    }
+
+    /// What the browser answers to a command of its own protocol.
+    fn devtools(&self, command: &str, parameters: &Value) -> Result<Value> {
+        let body = json!({ "cmd": command, "params": parameters });
+        self.post("/goog/cdp/execute", &body)
     }
 
     /// The window as a PNG.
