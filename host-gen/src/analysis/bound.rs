@@ -197,6 +197,20 @@ pub(super) fn room(study: &Study, design: &Design) -> Result<Option<Room>, Numer
     Ok(Some(least(&modes)))
 }
 
+/// By how much the rms that `design` minimises can be lower at most, as [`room`]; none if it minimises
+/// peaks.
+///
+/// # Errors
+/// [`NumericError`] if an eigenvalue iteration does not converge.
+pub(super) fn rms_room(study: &Study, design: &Design) -> Result<Option<Room>, NumericError> {
+    let Some(roll_off) = study.machine().target.roll_off else {
+        return Ok(None);
+    };
+    let bounds = Bounds::new(study, Some(roll_off))?;
+    let rms = RmsBound::new(study, &bounds, design)?;
+    Ok(rms.map(|rms| rms.above_db()))
+}
+
 /// The least room of all modes, dB.
 pub(crate) fn least(modes: &[ModeBound]) -> Room {
     ByControllers::most(modes).map(|db| db.map(|db| -db))

@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 use super::actuators::Actuators;
-use super::bound::{Room, room};
+use super::bound::{Room, rms_room, room};
 use super::delay::DelayBudget;
 use super::floors::FloorAnalysis;
 use super::isolation::{AT, ModeIsolation};
@@ -28,6 +28,8 @@ pub struct DesignAnalysis {
     pub(crate) shaped: Design,
     /// With a roll-off only.
     pub(crate) room: Option<Room>,
+    /// With a roll-off, where an rms is minimised.
+    pub(crate) rms_room: Option<Room>,
     pub(crate) isolation_at_hz: [f64; AT.len()],
     pub(crate) modes: Vec<ModeIsolation>,
     pub(crate) margins: Margins,
@@ -75,6 +77,7 @@ impl DesignAnalysis {
             actuators: Actuators::new(study, &closed, &pole_peaks(&poles)),
             rounding: rounding(machine, &design.table),
             room: room(study, &design)?,
+            rms_room: rms_room(study, &design)?,
             chart: Vec::new(),
             shaped: design,
         })

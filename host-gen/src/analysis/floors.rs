@@ -204,7 +204,7 @@ fn hertz(hz: f64, round: fn(f64) -> f64) -> String {
 fn unseen(budget: &NoiseBudget) -> Vec<String> {
     let mut words = Vec::new();
     let [[low, high], [from, to]] = [budget.band, budget.seen];
-    let seen = format!("{from} to {to} Hz");
+    let seen = format!("{} to {} Hz", hertz(from, f64::ceil), hertz(to, f64::floor));
     if from > low || to < high {
         words.push(format!(
             "the spectrum gives {seen} only; elsewhere the floor counts as still, and all rms values lack its part"

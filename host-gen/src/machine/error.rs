@@ -164,11 +164,16 @@ impl EntryError {
         }
     }
 
-    /// Adds another error and its own others, unless they say the same.
+    /// Adds another error and its own others, but none that says the same, or that is about an array of
+    /// which an element is wrong already.
     pub fn and(mut self, mut other: Self) -> Self {
         let more = core::mem::take(&mut other.more);
         for other in [other].into_iter().chain(more) {
-            let same = |known: &Self| known.entry == other.entry && known.message == other.message;
+            let same = |known: &Self| match known.entry.strip_prefix(&other.entry) {
+                Some("") => known.message == other.message,
+                Some(rest) => rest.starts_with('['),
+                None => false,
+            };
             if !same(&self) && !self.more.iter().any(same) {
                 self.more.push(other);
             }

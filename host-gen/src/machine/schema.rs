@@ -54,6 +54,15 @@ pub fn schema() -> String {
     if let Some(Value::Object(definitions)) = part.get_mut("$defs") {
         definitions.insert("whole".to_owned(), whole.into());
     }
+    // Of a table that allows no other keys, editors mark all keys; of a key that no value is right
+    // for, that one.
+    let mut unknown = RecursiveTransform(|schema: &mut Schema| {
+        if schema.get("additionalProperties") == Some(&json!(false)) {
+            let never = json!({ "not": { "title": "unknown key" } });
+            schema.insert("additionalProperties".to_owned(), never);
+        }
+    });
+    unknown.transform(&mut part);
     serde_json::to_string_pretty(&part).expect("numbers and strings serialise") + "\n"
 }
 

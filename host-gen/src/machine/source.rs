@@ -160,11 +160,25 @@ impl Source {
 
     /// `error` with the file and the bytes of its entry: in the first file that has the
     /// whole key, else in the one that has most of it.
-    /// Its others likewise.
+    /// Its others likewise, in the order of the files.
     pub fn locate(&self, mut error: EntryError) -> MachineError {
         let more = core::mem::take(&mut error.more);
-        let more = more.into_iter().map(|error| self.locate_one(error));
-        self.locate_one(error).and(more)
+        let mut others: Vec<_> = more
+            .into_iter()
+            .map(|error| self.locate_one(error))
+            .collect();
+        let first = self.locate_one(error);
+        if others.is_empty() {
+            return first;
+        }
+        others.insert(0, first);
+        let part = |error: &MachineError| {
+            let of = |part: &Part| Some(&*part.file) == error.file();
+            self.parts.iter().position(of)
+        };
+        others.sort_by_key(|error| (part(error), error.span().map(|span| span.start)));
+        let first = others.remove(0);
+        first.and(others)
     }
 
     fn locate_one(&self, error: EntryError) -> MachineError {

@@ -85,7 +85,8 @@ fn digest(file: &MachineFile, flexible: &[FlexibleBody]) -> ModelDigest {
 
 /// Checks what vibrates of a file, and that alone; errors have their place in `source`.
 pub(super) fn structure(file: &MachineFile, source: Source) -> Result<Structure, MachineError> {
-    match check_structure(file, &source) {
+    let numbers = check_format(file).and_then(|()| limits::check(file));
+    match numbers.and_then(|()| check_structure(file, &source)) {
         Ok(structure) => Ok(Structure {
             source,
             ..structure
@@ -94,19 +95,22 @@ pub(super) fn structure(file: &MachineFile, source: Source) -> Result<Structure,
     }
 }
 
-fn check_structure(file: &MachineFile, source: &Source) -> Checked<Structure> {
-    // Of another format, nothing else is known.
-    if file.format != 1 {
-        return Err(EntryError::new(
-            "format",
-            format!(
-                "format {} is unknown; this program reads format 1",
-                file.format
-            ),
-        ));
+/// Of another format, nothing else is known.
+fn check_format(file: &MachineFile) -> Checked<()> {
+    match file.format {
+        1 => Ok(()),
+        other => {
+            let message = format!("format {other} is unknown; this program reads format 1");
+            Err(EntryError::new("format", message))
+        }
     }
-    let numbers = both(check_name(&file.name), limits::check(file));
-    let numbers = both(numbers, finite3("gravity", &file.gravity, ", in m/s²"));
+}
+
+fn check_structure(file: &MachineFile, source: &Source) -> Checked<Structure> {
+    let numbers = both(
+        check_name(&file.name),
+        finite3("gravity", &file.gravity, ", in m/s²"),
+    );
     let held = nodes(file).and_then(|nodes| {
         let flexible = flexible(file, &nodes, source);
         let joined = both(beams(file, &nodes), springs(file, &nodes));
@@ -150,23 +154,29 @@ fn check_settings(file: &MachineFile) -> Checked<Target> {
 }
 
 fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
-    let (structure, target) = both(check_structure(&file, source), check_settings(&file))?;
+    check_format(&file)?;
+    let named = Named::new(&file);
+    // What follows from a number beyond its limits is not told.
+    if let Err(beyond) = limits::check(&file) {
+        return Err(match named {
+            Ok(_) => beyond,
+            Err(others) => beyond.and(others),
+        });
+    }
+    let named = both(named, check_settings(&file));
+    let (structure, (named, target)) = both(check_structure(&file, source), named)?;
     let bodies = &structure.bodies;
-    let names = Names {
-        nodes: &structure.nodes,
-        beams: &structure.beams,
-    };
-
-    // What only refers to the rest: all of it is looked at before one error ends the check.
     let Named {
         coordinates,
         actuators,
         accelerometers,
         floor,
+        force_sensors,
         deformations,
         accelerations,
         loads,
-    } = Named::new(&file, &names)?;
+    } = named;
+    check_loads(&loads, &structure)?;
     let degrees = 6 * bodies.len();
     if coordinates.len() != degrees {
         return Err(EntryError::new(
@@ -183,15 +193,16 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         if actuators[..i].contains(beam) {
             return Err(EntryError::new(
                 "actuators.beams",
-                format!("\"{}\" is listed twice", names.beams[*beam].name),
+                format!("\"{}\" is listed twice", structure.beams[*beam].name),
             ));
         }
     }
 
-    let force_sensors = force_sensors(&file.sensors.force, &names, &actuators)?;
+    let of_legs = file.sensors.force.iter().zip(force_sensors);
+    let force_sensors = force_sensors_of(of_legs, &actuators)?;
 
     for input in &floor {
-        let node = &names.nodes[input.node];
+        let node = &structure.nodes[input.node];
         if node.carrier != Carrier::Base {
             return Err(EntryError::new(
                 format!("floor.inputs.{}.node", input.name),
@@ -269,9 +280,10 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         _ => {}
     }
     let legs = actuators.map(|beam| &structure.beams[beam]);
-    let board = board(&file.board, target.feedback, legs)?;
+    let board = board(&file.board, target.feedback, legs);
+    let robustness = robustness(&file.robustness, &structure, &actuators);
+    let (board, mut robustness) = both(board, robustness)?;
     let shapes = shapes(&file.control, board.sample_rate)?;
-    let mut robustness = robustness(&file.robustness, bodies, &names, &actuators)?;
     // What a sensor reads across its axis turns the direction that it reads along.
     let across = board.accelerometer.as_ref();
     robustness.misalignment += across.map_or(0.0, |sensor| sensor.transverse.atan());
@@ -319,19 +331,21 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     })
 }
 
-/// What refers to nodes and beams by name.
+/// What refers to nodes and beams by name. Whether these are right in themselves is not looked at.
 struct Named {
     coordinates: Vec<Deformation>,
     actuators: [usize; LEGS],
     accelerometers: Option<[Direction; LEGS]>,
     floor: [Direction; LEGS],
+    force_sensors: Vec<usize>,
     deformations: Vec<Deformation>,
     accelerations: Vec<Direction>,
     loads: Vec<Load>,
 }
 
 impl Named {
-    fn new(file: &MachineFile, names: &Names) -> Checked<Self> {
+    fn new(file: &MachineFile) -> Checked<Self> {
+        let names = Names { file };
         let coordinates = &file.coordinates.deformations;
         let coordinates = names.deformations("coordinates.deformations", coordinates);
         let beams = file.actuators.beams.iter();
@@ -348,24 +362,32 @@ impl Named {
         let floor = names
             .directions("floor.inputs", &file.floor.inputs)
             .and_then(|all| six("floor.inputs", all));
+        let force_sensors = all(file.sensors.force.iter().map(|(name, spec)| {
+            let entry = format!("sensors.force.{name}.beam");
+            names.beam(&entry, &spec.beam)
+        }));
         let performance = &file.performance;
         let deformations =
             names.deformations("performance.deformations", &performance.deformations);
         let accelerations =
             names.directions("performance.accelerations", &performance.accelerations);
-        let loads = loads(&file.loads, names);
+        let loads = loads(&file.loads, &names);
         let (
             ((coordinates, actuators), (accelerometers, floor)),
-            ((deformations, accelerations), loads),
+            ((deformations, accelerations), (loads, force_sensors)),
         ) = both(
             both(both(coordinates, actuators), both(accelerometers, floor)),
-            both(both(deformations, accelerations), loads),
+            both(
+                both(deformations, accelerations),
+                both(loads, force_sensors),
+            ),
         )?;
         Ok(Self {
             coordinates,
             actuators,
             accelerometers,
             floor,
+            force_sensors,
             deformations,
             accelerations,
             loads,
@@ -913,32 +935,30 @@ fn damping(
     })
 }
 
-fn force_sensors(
-    specs: &IndexMap<String, ForceSensorEntry>,
-    names: &Names,
+/// The beams of the force sensors, each with its name and its entry in the file.
+fn force_sensors_of<'a>(
+    specs: impl ExactSizeIterator<Item = ((&'a String, &'a ForceSensorEntry), usize)>,
     actuators: &[usize; LEGS],
 ) -> Checked<Option<[usize; LEGS]>> {
-    if specs.is_empty() {
+    if specs.len() == 0 {
         return Ok(None);
     }
-    let mut beams = Vec::new();
-    for (name, spec) in specs {
+    let mut known = Vec::new();
+    let beams = all(specs.map(|((name, spec), beam)| {
         let entry = format!("sensors.force.{name}.beam");
-        let beam = names.beam(&entry, &spec.beam)?;
         if !actuators.contains(&beam) {
             return Err(
                 EntryError::new(entry, format!("beam \"{}\" has no actuator", spec.beam))
                     .fix("use one of actuators.beams"),
             );
         }
-        if beams.contains(&beam) {
-            return Err(EntryError::new(
-                entry,
-                format!("beam \"{}\" has two force sensors", spec.beam),
-            ));
+        if known.contains(&beam) {
+            let message = format!("beam \"{}\" has two force sensors", spec.beam);
+            return Err(EntryError::new(entry, message));
         }
-        beams.push(beam);
-    }
+        known.push(beam);
+        Ok(beam)
+    }))?;
     six("sensors.force", beams).map(Some)
 }
 
@@ -1242,8 +1262,15 @@ fn loads(specs: &IndexMap<String, LoadEntry>, names: &Names) -> Checked<Vec<Load
         .iter()
         .map(|(name, spec)| (name.clone(), direction(spec)));
     let directions = names.directions("loads", &directions.collect())?;
-    for at in &directions {
-        let node = &names.nodes[at.node];
+    let moments = specs.values().map(|spec| spec.moment);
+    let load = |(at, moment)| Load { at, moment };
+    Ok(directions.into_iter().zip(moments).map(load).collect())
+}
+
+/// Checks that all loads act on the machine.
+fn check_loads(loads: &[Load], structure: &Structure) -> Checked<()> {
+    for Load { at, .. } in loads {
+        let node = &structure.nodes[at.node];
         if node.carrier == Carrier::Base {
             let message = format!(
                 "node \"{}\" moves with the base, which does not yield",
@@ -1253,9 +1280,7 @@ fn loads(specs: &IndexMap<String, LoadEntry>, names: &Names) -> Checked<Vec<Load
                 .fix("choose a node of the machine"));
         }
     }
-    let moments = specs.values().map(|spec| spec.moment);
-    let load = |(at, moment)| Load { at, moment };
-    Ok(directions.into_iter().zip(moments).map(load).collect())
+    Ok(())
 }
 
 fn spectrum(entry: &SpectrumEntry) -> Checked<Floor> {
@@ -1293,10 +1318,10 @@ fn simulation(s: &Simulation, sample_rate: f64) -> Checked<()> {
 
 fn robustness(
     spec: &RobustnessEntry,
-    bodies: &[Body],
-    names: &Names,
+    structure: &Structure,
     actuators: &[usize; LEGS],
 ) -> Checked<Robustness> {
+    let bodies = &structure.bodies;
     let payload = match &spec.payload {
         Some(payload) => payload
             .iter()
@@ -1308,8 +1333,8 @@ fn robustness(
             .collect::<Checked<Vec<_>>>()?,
         None => {
             let on_legs = |body: usize| {
-                let ends = actuators.iter().flat_map(|&leg| names.beams[leg].ends);
-                let mut carriers = ends.map(|end| names.nodes[end].carrier);
+                let ends = actuators.iter().flat_map(|&leg| structure.beams[leg].ends);
+                let mut carriers = ends.map(|end| structure.nodes[end].carrier);
                 carriers.any(|carrier| carrier == Carrier::Body(body))
             };
             (0..bodies.len()).filter(|&body| !on_legs(body)).collect()
@@ -1345,15 +1370,14 @@ fn node_index<'a>(
     find(entry, "node", name, known, "add it under [nodes]")
 }
 
-/// What the rest of the file refers to.
+/// The nodes and beams of a file, by name. Their numbers are those in a [`Structure`].
 struct Names<'a> {
-    nodes: &'a [Node],
-    beams: &'a [Beam],
+    file: &'a MachineFile,
 }
 
 impl Names<'_> {
     fn beam(&self, entry: &str, name: &str) -> Checked<usize> {
-        let known = self.beams.iter().map(|beam| beam.name.as_str());
+        let known = self.file.beams.keys().map(String::as_str);
         find(entry, "beam", name, known, "add it under [beams]")
     }
 
@@ -1400,18 +1424,23 @@ impl Names<'_> {
         let directions = specs.iter().map(|(name, spec)| {
             let entry = format!("{entry}.{name}");
             let direction_entry = format!("{entry}.direction");
-            let direction = finite3(&direction_entry, &spec.direction, "")?;
-            let norm = direction.norm();
-            if (norm - 1.0).abs() > UNIT_SLACK {
-                return Err(EntryError::new(
-                    direction_entry,
-                    format!("direction must be a unit vector; its length is {norm:.6}"),
-                ));
-            }
+            let unit = |direction: Vector3<f64>| {
+                let norm = direction.norm();
+                if (norm - 1.0).abs() > UNIT_SLACK {
+                    return Err(EntryError::new(
+                        &direction_entry,
+                        format!("direction must be a unit vector; its length is {norm:.6}"),
+                    ));
+                }
+                Ok(direction / norm)
+            };
+            let direction = finite3(&direction_entry, &spec.direction, "").and_then(unit);
+            let node = node_index(&format!("{entry}.node"), self.file.nodes.keys(), &spec.node);
+            let (direction, node) = both(direction, node)?;
             Ok(Direction {
                 name: name.clone(),
-                node: node_index(&format!("{entry}.node"), names(self.nodes), &spec.node)?,
-                direction: direction / norm,
+                node,
+                direction,
             })
         });
         all(directions)

@@ -658,6 +658,141 @@ fn no_file() {
     );
 }
 
+/// Mistakes in the form of the file: each in a line of its own, alone, and in any company.
+const FORMS: [(&str, &str, &str); 8] = [
+    ("mass = 742.0", "mas = 742.0", "bodies.frame.mas"),
+    ("n3 = [0.0, 0.5, 0.0]", "n3 = [0.0, 0.5]", "nodes.n3"),
+    ("mass = 851.6", "mass = \"heavy\"", "bodies.lens.mass"),
+    (
+        "\"block15.e6\",\n]\n\n# Eq. (9)",
+        "6,\n]\n\n# Eq. (9)",
+        "coordinates.deformations[11]",
+    ),
+    (
+        "feedback = \"acceleration\"",
+        "feedback = \"speed\"",
+        "control.feedback",
+    ),
+    (
+        "[performance]\n",
+        "[performance]\ncolour = 1\n",
+        "performance.colour",
+    ),
+    (
+        "bits = 16\nrange = 10.0",
+        "bits = 16\nrange = \"wide\"",
+        "board.adc.range",
+    ),
+    ("gain = 100.0 ", "gian = 100.0 ", "board.actuator.gian"),
+];
+
+/// Mistakes in what the file says.
+const VALUES: [(&str, &str, &str); 10] = [
+    ("mass = 742.0", "mass = -742.0", "bodies.frame.mass"),
+    (
+        "inertia = [72.95, 72.95, 49.15]",
+        "inertia = [72.95, 72.95, 490.15]",
+        "bodies.lens.inertia",
+    ),
+    ("[\"n13\", \"n5\"]", "[\"n31\", \"n5\"]", "beams.leg6.nodes"),
+    (
+        "x3 = { node = \"n3\"",
+        "x3 = { node = \"n33\"",
+        "sensors.acceleration.x3.node",
+    ),
+    (
+        "z7 = { node = \"n7\", direction = [0.0, 0.0, 1.0]",
+        "z7 = { node = \"n7\", direction = [0.0, 0.0, 2.0]",
+        "sensors.acceleration.z7.direction",
+    ),
+    (
+        "f4 = { beam = \"leg4\" }",
+        "f4 = { beam = \"lag4\" }",
+        "sensors.force.f4.beam",
+    ),
+    ("frequency = 1.0 ", "frequency = 0.0 ", "control.frequency"),
+    (
+        "sample_rate = 20e3 ",
+        "sample_rate = -20e3 ",
+        "board.sample_rate",
+    ),
+    (
+        "noise_density = 1e-7 ",
+        "noise_density = -1e-7 ",
+        "board.accelerometer.noise_density",
+    ),
+    ("modal = 0.005", "modal = -0.5", "damping.modal"),
+];
+
+fn with(mistakes: &[(&str, &str, &str)], made: u32) -> (String, Vec<String>) {
+    let mut text = model_text();
+    let mut entries = Vec::new();
+    for (i, (old, new, entry)) in mistakes.iter().enumerate() {
+        if made >> i & 1 == 1 {
+            assert_eq!(text.matches(old).count(), 1, "{old}");
+            text = text.replace(old, new);
+            entries.push((*entry).to_owned());
+        }
+    }
+    entries.sort();
+    (text, entries)
+}
+
+fn entries(error: &MachineError) -> Vec<String> {
+    let mut all: Vec<_> = error.all().map(|one| one.entry().to_owned()).collect();
+    all.sort();
+    all
+}
+
+/// Every mistake of a form is told, each on its line, and nothing else is: not what follows from them.
+#[test]
+fn all_mistakes_of_form_are_told_at_once() {
+    for made in 1..1 << FORMS.len() {
+        let (text, expected) = with(&FORMS, made);
+        let error = error_of(&text);
+        assert_eq!(entries(&error), expected, "{error}");
+        assert!(error.all().all(|one| one.place().is_some()), "{error}");
+        assert_eq!(error.to_string().lines().count(), expected.len(), "{error}");
+    }
+}
+
+/// Of mistakes in what the file says, all are told that do not depend on others, and no others.
+#[test]
+fn all_independent_mistakes_of_content_are_told_at_once() {
+    for made in 1..1 << VALUES.len() {
+        let (text, expected) = with(&VALUES, made);
+        let error = error_of(&text);
+        let found = entries(&error);
+        assert!(
+            found.iter().all(|entry| expected.contains(entry)),
+            "{expected:?}: {error}"
+        );
+        // Damping follows from the parts, and the board's noise is looked at once these are right.
+        let first = ["bodies", "beams", "sensors", "control", "board.sample_rate"];
+        let of = |entries: &[String]| {
+            let is = |entry: &&String| first.iter().any(|part| entry.starts_with(part));
+            entries.iter().filter(is).cloned().collect::<Vec<_>>()
+        };
+        assert_eq!(of(&found), of(&expected), "{error}");
+    }
+}
+
+/// Every line that is no TOML, once.
+#[test]
+fn all_lines_that_are_no_toml_are_told_at_once() {
+    let text = model_text()
+        .replace("mass = 742.0", "mass = = 742.0")
+        .replace("limit = 200.0", "limit 200.0");
+    let error = error_of(&text);
+    let lines: Vec<_> = error
+        .all()
+        .filter_map(|one| one.place())
+        .map(|(line, _)| line)
+        .collect();
+    let line = |part: &str| text.lines().position(|line| line.contains(part)).unwrap() + 1;
+    assert_eq!(lines, [line("mass = = "), line("limit 200.0")], "{error}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig {
         cases: 400,

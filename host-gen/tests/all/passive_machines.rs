@@ -194,8 +194,8 @@ fn mistakes_are_named() {
     ] {
         assert!(ROW.contains(old), "{old}");
         let error = passive(&ROW.replace(old, new)).unwrap_err();
-        assert_eq!(error.entry(), entry, "{error}");
-        assert!(error.message().contains(says), "{error}");
+        let named = |one: &MachineError| one.entry() == entry && one.message().contains(says);
+        assert!(error.all().any(named), "{error}");
     }
     let loose = ROW.replace("[1e5, 2e5, 3e5]", "[1e5, 0.0, 3e5]");
     let structure = passive(&loose).unwrap().unwrap();

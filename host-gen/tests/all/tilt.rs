@@ -38,7 +38,8 @@ fn an_accelerometer_reads_as_a_mass_on_a_spring() {
             "{ frame = { node = \"n3\", direction = [1.0, 0.0, 0.0] }, probe = { node = \"probe\", direction = [1.0, 0.0, 0.0] } }",
         ),
         ("performance.bands", "{}"),
-        ("floor.rotation", "[1.0, 1.0, 1.0]"),
+        // It would hold the mass back against the base.
+        ("damping.modal", "0.0"),
     ];
     for (edits, tilts) in [(&edits[..], true), (&edits[1..], false)] {
         let study = study(&edited(edits));

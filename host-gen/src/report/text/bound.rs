@@ -92,7 +92,7 @@ fn write_design_bounds(
         f,
         "  modal: each mode is fed back by itself; any: all controllers; -: no bound was found.\n  *as a part of what is reached."
     )?;
-    write_room(f, &least(together))?;
+    write_room(f, BANDS, &least(together))?;
     write_grid(f, bands.iter().flatten().chain(together))
 }
 
@@ -204,17 +204,17 @@ fn write_grid<'a>(
     }
 }
 
-/// The room that a design leaves.
-pub(super) fn write_room(f: &mut Formatter<'_>, room: &Room) -> fmt::Result {
+/// What all bands of a design can be.
+pub(super) const BANDS: &str = "All bands at once";
+
+/// The room that a design leaves for `what` it reaches.
+pub(super) fn write_room(f: &mut Formatter<'_>, what: &str, room: &Room) -> fmt::Result {
     let db = |room: Option<f64>| room.map(|db| format!("{db:.1} dB"));
     match (db(room.modal), db(room.any)) {
-        (None, None) => writeln!(
-            f,
-            "  No bound was found for how much lower all bands can be at once."
-        ),
+        (None, None) => writeln!(f, "  {what}: no bound was found for how much lower."),
         (modal, any) => writeln!(
             f,
-            "  All bands at once can be lower by at most {} with modal controllers of any order, {} with any controller.",
+            "  {what} can be lower by at most {} with modal controllers of any order, {} with any controller.",
             modal.unwrap_or("(no bound found)".to_owned()),
             any.unwrap_or("(no bound found)".to_owned())
         ),

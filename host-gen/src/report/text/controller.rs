@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::aligned::TITLE;
-use super::bound::write_room;
+use super::bound::{BANDS, write_room};
 use super::loops::write_design;
 use super::shapes::write_shapes;
 use crate::analysis::actuators::Actuators;
@@ -21,7 +21,10 @@ impl Display for DesignAnalysis {
         )?;
         write_design(f, &self.shaped)?;
         if let Some(room) = &self.room {
-            write_room(f, room)?;
+            write_room(f, BANDS, room)?;
+        }
+        if let Some(room) = &self.rms_room {
+            write_room(f, "The rms", room)?;
         }
         self.floor.write_together(f)?;
         let micro = |s: f64| 1e6 * s;
