@@ -14,8 +14,8 @@ use crate::plant::{Gain, SampledPlant};
 /// Highest frequency, Hz, of what is shown: that of the charts of σ_max.
 const TOP: f64 = 300.0;
 
-/// A displacement below this part of the largest to the same load, at every frequency, is given as
-/// zero: symmetry makes it so, but for rounding.
+/// A displacement that is at most frequencies below this part of the largest to the same load there is
+/// given as zero: symmetry makes it so, but for rounding.
 const ROUNDING: f64 = 1e-10;
 
 /// The displacements for every load of a machine over frequency.
@@ -131,12 +131,18 @@ impl Compliance {
             let magnitudes = |gains: &[Gain], i: usize| -> Vec<f64> {
                 gains.iter().map(|gain| gain[(i, j)].norm()).collect()
             };
-            let all = (0..names.len()).flat_map(|i| magnitudes(&open, i));
-            let rounding = ROUNDING * all.fold(0.0, f64::max);
+            // Frequency by frequency, and not at all of them: a resonance without damping is no measure
+            // of the rest, and enlarges what rounding leaves.
+            let largest = |gain: &Gain| {
+                let all = gain.column(j).iter().map(|x| x.norm()).fold(0.0, f64::max);
+                ROUNDING * all
+            };
             let outputs = names.iter().enumerate().map(|(i, (name, unit))| {
                 let of = |gains: &Vec<Gain>| {
                     let mut all = magnitudes(gains, i);
-                    if all.iter().all(|x| *x < rounding) {
+                    let least = gains.iter().map(largest);
+                    let rounded = all.iter().zip(least).filter(|(x, least)| *x < least);
+                    if 2 * rounded.count() > all.len() {
                         all.fill(0.0);
                     }
                     all
@@ -146,7 +152,6 @@ impl Compliance {
                 OutputCompliance {
                     name: name.clone(),
                     unit,
-                    // Peaks without damping are no measure of what is at rest.
                     fixed: if fixed.abs() < ROUNDING * at_rest.column(j).amax() {
                         0.0
                     } else {

@@ -15,7 +15,7 @@ use crate::files::without_byte_order_mark;
 pub struct MachineError {
     file: Option<PathBuf>,
     place: Option<Box<Place>>,
-    error: EntryError,
+    error: Box<EntryError>,
     more: Vec<MachineError>,
 }
 
@@ -113,7 +113,7 @@ impl MachineError {
         Self {
             file: None,
             place: None,
-            error,
+            error: Box::new(error),
             more: Vec::new(),
         }
     }
@@ -122,7 +122,7 @@ impl MachineError {
         Self {
             file: Some(file.to_owned()),
             place: None,
-            error,
+            error: Box::new(error),
             more: Vec::new(),
         }
     }
@@ -138,7 +138,7 @@ impl MachineError {
                 text: text.to_owned(),
                 span: start..span.end.clamp(start, end_of_line),
             })),
-            error,
+            error: Box::new(error),
             more: Vec::new(),
         }
     }
