@@ -11,6 +11,7 @@ use host_gen::board::measure::{Measurement, MeasurementSettings, measure};
 use host_gen::design::{Cache, Search, Study};
 use host_gen::machine::Machine;
 use nalgebra::Complex;
+use serde_json::Value;
 use shared::LEGS;
 use shared::controller::{ControllerReport, Refusal};
 use shared::link::Request;
@@ -204,7 +205,7 @@ fn signals_end_what_was_begun() {
     let start = link(&["start"]).output().unwrap();
     assert!(start.status.success(), "{start:?}");
     let left = [&signal[..], &["--samples", "12000000", "--no-wait"]].concat();
-    let json = |arguments: &[&str]| -> serde_json::Value {
+    let json = |arguments: &[&str]| -> Value {
         let output = link(arguments).args(["--format", "json"]).output().unwrap();
         serde_json::from_slice(&output.stdout).unwrap()
     };
@@ -247,17 +248,21 @@ fn a_machine_that_is_not_its_file() {
     let modes = study.model().modes().hertz();
     let measured: Measurement = serde_json::from_slice(&json).unwrap();
     for resonance in &measured.resonances {
-        let near = modes.iter().map(|hz| (resonance.hz / hz - 1.0).abs());
-        assert!(
-            near.fold(f64::INFINITY, f64::min) < 0.005,
-            "{resonance:?} {modes:?}"
-        );
-        // Of modes within some widths of each other, a rational function does not tell the damping.
+        // Between modes that overlap there may be one resonance.
+        let near = |hz: f64| modes.iter().any(|own| (own / hz - 1.0).abs() < 0.005);
+        let between = modes
+            .windows(2)
+            .any(|pair| pair[1] < 1.015 * pair[0] && (pair[0]..pair[1]).contains(&resonance.hz));
+        assert!(near(resonance.hz) || between, "{resonance:?} {modes:?}");
+        // Of modes within some widths of each other, a rational function does not tell the damping, nor
+        // of the suspension modes, which the floor shakes as much as the legs do.
         let beside = modes
             .iter()
             .filter(|hz| (resonance.hz / *hz - 1.0).abs() < 0.03);
         assert!(
-            beside.count() > 1 || (resonance.damping / 0.008 - 1.0).abs() < 0.3,
+            resonance.hz < 40.0
+                || beside.count() > 1
+                || (resonance.damping / 0.008 - 1.0).abs() < 0.3,
             "{resonance:?}"
         );
     }
@@ -285,11 +290,15 @@ fn a_machine_that_is_not_its_file() {
     run(&["fit", shown, measured]);
     let fitted = folder.path().join("metrology-frame-fitted.toml");
     is_truth(&fitted, &truth);
-    // The fit tells it, where the floor is low beside what was measured: of the internal modes.
+    // The fit tells it, where the floor is low beside what was measured: of the internal modes. They
+    // overlap, so what one has too much another may lack; all together they have what is there.
     let damping = Machine::load(&fitted).unwrap().damping.clone();
-    for ratio in &damping.modes[6..] {
-        assert!((ratio / 0.008 - 1.0).abs() < 0.1, "{damping:?}");
+    let internal = &damping.modes[6..];
+    for ratio in internal {
+        assert!((ratio / 0.008 - 1.0).abs() < 0.2, "{damping:?}");
     }
+    let mean = internal.iter().sum::<f64>() / internal.len() as f64;
+    assert!((mean / 0.008 - 1.0).abs() < 0.05, "{damping:?}");
     // What is no measurement is refused, and a file elsewhere would not find the model.
     let refused = |arguments: &[&str], why: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_host-gen"));
@@ -395,7 +404,7 @@ fn a_machine_is_commissioned() {
     let fitted = folder.path().join("metrology-frame-fitted.toml");
     is_truth(&fitted, &truth);
     let json = fs::read(kept.join("record.json")).unwrap();
-    let record: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    let record: Value = serde_json::from_slice(&json).unwrap();
     let gates = record["gates"].as_array().unwrap();
     assert!(gates.iter().all(|gate| gate["passed"] == true), "{gates:?}");
     assert_eq!(gates.last().unwrap()["step"], "accepted");
@@ -648,7 +657,7 @@ fn levels_of_what_the_board_reads() {
     let printed = serde_json::Deserializer::from_slice(&output.stdout).into_iter();
     // The last one is cut.
     let windows: Vec<u64> = printed
-        .map_while(|window: Result<serde_json::Value, _>| window.ok())
+        .map_while(|window: Result<Value, _>| window.ok())
         .map(|window| window["window"].as_u64().unwrap())
         .collect();
     assert!(windows.len() > 3, "{windows:?}");
