@@ -185,30 +185,19 @@ fn own_roll_off(study: &Study, design: &Design) -> Result<RollOff, NumericError>
 pub type Room = ByControllers<Option<f64>>;
 
 /// The room that `design` leaves, if its study has a limit at high frequency: without one, a
-/// machine that is known exactly can be isolated far better than a real one.
+/// machine that is known exactly can be isolated far better than a real one. And by how much the rms
+/// that it minimises can be lower at most; none if it minimises peaks.
 ///
 /// # Errors
 /// [`NumericError`] if an eigenvalue iteration does not converge.
-pub(super) fn room(study: &Study, design: &Design) -> Result<Option<Room>, NumericError> {
+pub(super) fn room(study: &Study, design: &Design) -> Result<[Option<Room>; 2], NumericError> {
     let Some(roll_off) = study.machine().target.roll_off else {
-        return Ok(None);
-    };
-    let modes = together(&Bounds::new(study, Some(roll_off))?, design);
-    Ok(Some(least(&modes)))
-}
-
-/// By how much the rms that `design` minimises can be lower at most, as [`room`]; none if it minimises
-/// peaks.
-///
-/// # Errors
-/// [`NumericError`] if an eigenvalue iteration does not converge.
-pub(super) fn rms_room(study: &Study, design: &Design) -> Result<Option<Room>, NumericError> {
-    let Some(roll_off) = study.machine().target.roll_off else {
-        return Ok(None);
+        return Ok([None, None]);
     };
     let bounds = Bounds::new(study, Some(roll_off))?;
     let rms = RmsBound::new(study, &bounds, design)?;
-    Ok(rms.map(|rms| rms.above_db()))
+    let modes = together(&bounds, design);
+    Ok([Some(least(&modes)), rms.map(|rms| rms.above_db())])
 }
 
 /// The least room of all modes, dB.

@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 use super::actuators::Actuators;
-use super::bound::{Room, rms_room, room};
+use super::bound::{Room, room};
 use super::delay::DelayBudget;
 use super::floors::FloorAnalysis;
 use super::isolation::{AT, ModeIsolation};
@@ -60,6 +60,7 @@ impl DesignAnalysis {
             machine.exposure,
         )?;
         let floor = FloorAnalysis::new(study, motion.name(), open, under).without_spectra();
+        let [room, rms_room] = room(study, &design)?;
         Ok(Self {
             floor,
             machine: machine.name.clone(),
@@ -76,8 +77,8 @@ impl DesignAnalysis {
             delay: DelayBudget::new(&machine.board),
             actuators: Actuators::new(study, &closed, &pole_peaks(&poles)),
             rounding: rounding(machine, &design.table),
-            room: room(study, &design)?,
-            rms_room: rms_room(study, &design)?,
+            room,
+            rms_room,
             chart: Vec::new(),
             shaped: design,
         })

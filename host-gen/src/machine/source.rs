@@ -163,22 +163,15 @@ impl Source {
     /// Its others likewise, in the order of the files.
     pub fn locate(&self, mut error: EntryError) -> MachineError {
         let more = core::mem::take(&mut error.more);
-        let mut others: Vec<_> = more
-            .into_iter()
-            .map(|error| self.locate_one(error))
-            .collect();
-        let first = self.locate_one(error);
-        if others.is_empty() {
-            return first;
-        }
-        others.insert(0, first);
+        let all = [error].into_iter().chain(more);
+        let mut all: Vec<_> = all.map(|error| self.locate_one(error)).collect();
         let part = |error: &MachineError| {
             let of = |part: &Part| Some(&*part.file) == error.file();
             self.parts.iter().position(of)
         };
-        others.sort_by_key(|error| (part(error), error.span().map(|span| span.start)));
-        let first = others.remove(0);
-        first.and(others)
+        all.sort_by_key(|error| (part(error), error.span().map(|span| span.start)));
+        let first = all.remove(0);
+        first.and(all)
     }
 
     fn locate_one(&self, error: EntryError) -> MachineError {

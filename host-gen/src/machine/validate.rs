@@ -138,7 +138,7 @@ fn check_structure(file: &MachineFile, source: &Source) -> Checked<Structure> {
 }
 
 /// Checks what does not depend on what vibrates.
-fn check_settings(file: &MachineFile) -> Checked<Target> {
+fn check_settings(file: &MachineFile) -> Checked<(Target, Uncertainty)> {
     let rate = positive("board.sample_rate", file.board.sample_rate, "Hz");
     let timed = rate.and_then(|rate| {
         both(
@@ -146,11 +146,11 @@ fn check_settings(file: &MachineFile) -> Checked<Target> {
             simulation(&file.simulation, rate),
         )
     });
-    let (target, _) = both(
+    let (target, (_, uncertainty)) = both(
         target(&file.control),
         both(timed, uncertainty(&file.uncertainty)),
     )?;
-    Ok(target)
+    Ok((target, uncertainty))
 }
 
 fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
@@ -164,7 +164,7 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
         });
     }
     let named = both(named, check_settings(&file));
-    let (structure, (named, target)) = both(check_structure(&file, source), named)?;
+    let (structure, (named, (target, uncertainty))) = both(check_structure(&file, source), named)?;
     let bodies = &structure.bodies;
     let Named {
         coordinates,
@@ -287,7 +287,6 @@ fn check(file: MachineFile, source: &Source) -> Checked<Machine> {
     // What a sensor reads across its axis turns the direction that it reads along.
     let across = board.accelerometer.as_ref();
     robustness.misalignment += across.map_or(0.0, |sensor| sensor.transverse.atan());
-    let uncertainty = uncertainty(&file.uncertainty)?;
 
     if !file.provenance.is_empty() {
         // Numbers were checked, so this does not fail.
